@@ -182,8 +182,7 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joi
     worse = float(np.nansum(after[others] - before[others]))
     gained = float(np.sum(before[joints] - after[joints]))
     ratio = float(np.max(after[joints] / before[joints]))
-    # Joints with coupled loads fit exchanged data fairly well, so that they gain little: then the ratio has to be
-    # small.
+    # Joints with coupled loads fit exchanged data fairly well. They gain little, and so their ratio has to be small.
     by_ratio = ratio < 0.1 and gained > 0.02 and gained > 2 * worse
     by_difference = ratio < 0.5 and gained > 0.6 + 2 * max(worse, 0)
     return by_ratio or by_difference
@@ -211,10 +210,10 @@ def check_swapped(
         better = []
         order = list(range(robot.nv))
         order[i], order[j] = j, i
-        for motion, torque, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
-            changed = with_order(data, order, positions=motion, torques=torque)
-            new_model = model_torque(robot, changed.motion) if motion else model
-            after = unexplained_shares(changed, new_model)
+        for positions, torques, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
+            changed = with_order(data, order, positions=positions, torques=torques)
+            changed_model = model_torque(robot, changed.motion) if positions else model
+            after = unexplained_shares(changed, changed_model)
             if _clearly_better(before, after, [i, j]):
                 better.append((float(np.nanmean(after)), what))
         if better:
@@ -246,6 +245,7 @@ def check_degrees(
         beyond = np.maximum(q.max(axis=0) - upper, lower - q.min(axis=0))
         outside = limited & (beyond > np.maximum(upper - lower, 0.5))
     far = ~limited & (np.abs(q).max(axis=0) > _FAR) & (np.abs(q).max(axis=0) < 1000)
+    # With a model, joints without limits are suspected only by the fit below.
     suspects = revolute & (outside | (far if robot is None else False))
     if robot is not None and data is not None and model is not None and not suspects.any() and revolute.any():
         before = unexplained_shares(data, model)

@@ -116,8 +116,7 @@ def _best(
     certain = [one for one in tried if is_certain(one)]
     best = _likeliest(robot, reading, certain) if certain else None
     if best is None or best.suspect.fits_gears:
-        # Fitted gear ratios can imitate two mistakes, such as a unit and a sign: so pairs of mistakes compete with
-        # them.
+        # Fitted gear ratios can imitate two mistakes, such as a unit and a sign: so these pairs are tried as well.
         singles = [one for one in tried if not one.suspect.fits_gears]
         pairs = _pair_of_mistakes(robot, reading, before, singles)
         return _likeliest(robot, reading, [*certain, *pairs]) if pairs else best
@@ -131,7 +130,7 @@ def _corrected(reading: Reading, step: float, suspect: Suspect) -> tuple[Reading
 
 
 def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[ReadingFit]:
-    """Fits with a unit corrected that is very likely wrong before any fit, to look for a second mistake after it.
+    """The corrected units after which a second mistake is looked for: those that are very likely wrong before any fit.
 
     If another mistake explains nearly all of the torque, only units of time are returned. They may still be wrong:
     positions in mm with a time in ms have accelerations of a thousandth, which look like another unit of torque.
@@ -201,8 +200,7 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
         for one in tied
     ]
     least = min(costs)
-    # Of equally good readings the first is taken: wrong signs of torques are more frequent, and listed before those of
-    # positions.
+    # The first of them is taken: wrong signs of torques are more frequent than, and listed before, those of positions.
     equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _EQUAL_FIT]
     if len(equal) > 1 and equal[0].suspect.kind in ("sign", "pair"):
         # With a load that mirrors the last link, a wrong sign of the torque and a reversed position fit equally well.

@@ -132,8 +132,7 @@ def _check_motion(recording: Recording, robot: Robot | None) -> Checked:
     if robot is None:
         return Checked(degrees)
     if robot.floating:
-        # Contact forces on the feet cause torques that the model does not contain, so that the torques are not
-        # compared.
+        # Contact forces on the feet cause torques that the model does not contain.
         warnings, wrong = check_base(recording, robot)
         return Checked((*degrees, *warnings), wrong)
     wrong = certain_faults(recording, robot, None)[0] or beyond_range(recording, robot)

@@ -124,8 +124,9 @@ def _compared(
     best = (0.0, -np.inf)
     for delay in _DELAYS + controller.delay + controller.reference_delay:
         error = np.interp(t - delay, t, recording.q_ref[:, j]) - q
-        most, limit = voltage_bound(actuator), actuator.torque_limit or np.inf
-        commanded = np.clip(np.clip(controller.stiff_part(error), -most, most) - controller.kd * v, -limit, limit)
+        at_voltage_limit, limit = voltage_bound(actuator), actuator.torque_limit or np.inf
+        stiff = np.clip(controller.stiff_part(error), -at_voltage_limit, at_voltage_limit)
+        commanded = np.clip(stiff - controller.kd * v, -limit, limit)
         commanded = commanded - commanded.mean()
         power = float(commanded @ commanded)
         if power > 0:

@@ -19,8 +19,8 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
-# Gear ratios that are tried, of revolute joints and of screws [rad/m]. A step of four per cent is narrower than a
-# minimum.
+# Gear ratios that are tried, of revolute joints and of screws [rad/m], in steps of four per cent: a minimum of the
+# misfit is wider.
 _GEARS, _SCREWS = np.geomspace(1.25, 500.0, 150), np.geomspace(10.0, 1e4, 176)
 # Factors that are then tried on the ratio of each joint in turn, and the number of rounds over all joints.
 _FACTORS, _ROUNDS = np.geomspace(0.2, 5.0, 81), 2

@@ -31,7 +31,7 @@ _JUMP, _BESIDE = 6.0, 5
 _LEAST_ANGLE, _LEAST_LENGTH, _JUMP_STEPS, _BEYOND_NOISE = 0.02, 0.002, 5.0, 10.0
 # Number of samples that are searched at once, from the end of a recording on.
 _PIECE = 10_000
-# Ratio of the measured velocity to the derivative of the position, if their units differ as the words say.
+# Ratio of the measured velocity to the derivative of the position, for units of the two that differ.
 _UNIT_RATIOS = {
     180 / np.pi: "deg/s against rad",
     np.pi / 180: "rad/s against deg",
@@ -127,10 +127,11 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
         for start, stop in _runs(np.diff(q) == 0):
             if stop + 1 >= len(q):
                 continue
+            # The joint has to be in motion, and the jump after the repeats has to make up for most of the travel.
             travel = float(np.mean(v[start : stop + 1]) * (recording.t[stop + 1] - recording.t[start]))
-            if not (moves[start : stop + 1].all() or (held and abs(travel) > 3 * max(step, least))):
-                continue
-            if (q[stop + 1] - q[start]) / travel > 0.5 and _moves_around(q, recording.t, start, stop, travel):
+            in_motion = moves[start : stop + 1].all() or (held and abs(travel) > 3 * max(step, least))
+            jumps_on = in_motion and (q[stop + 1] - q[start]) / travel > 0.5
+            if jumps_on and _moves_around(q, recording.t, start, stop, travel):
                 runs.append((start, stop))
         if not runs:
             continue

@@ -1,10 +1,10 @@
 """Finds references of position controllers that the positions cannot follow: wrong units, signs, orders and zeros.
 
 A drive may follow its reference with any delay up to half a second, with rotor inertia and friction, and with an error
-that grows with the weight and inertia of the links that it moves. As in
-`identification.data.checks.better_readings`, a mistake is certain if such a drive explains the motion far better after
-the correction than as recorded, and then explains nearly all of the motion, in both halves of the recording. Soft, late
-or saturated drives follow badly, too, but no correction makes them follow far better.
+that grows with the weight and inertia of the links that it moves. A mistake is certain if such a drive explains the
+motion far better after the correction than as recorded, and then explains nearly all of the motion, in both halves of
+the recording, as in `identification.data.checks.better_readings`. Soft, late or saturated drives follow badly, too, but
+no correction makes them follow far better.
 """
 
 from __future__ import annotations
@@ -78,11 +78,11 @@ def reference_faults(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
         mended = entries_after(earlier, one.suspect.entries)
         earlier |= mended
         j = int(np.nanargmax(one.joint_gains))
-        left = max(100 * float(np.nanmax(one.unexplained[:, j])), 0.1)
+        percent = max(100 * float(np.nanmax(one.unexplained[:, j])), 0.1)
         joint = robot.joint_names[j]
         why = (
             f"as recorded {joint} does not follow its reference, whatever delay, inertia, friction and gain its drive "
-            f"has; read so, all but {left:.2g} % of its motion does"
+            f"has; read so, all but {percent:.2g} % of its motion does"
         )
         out.append(Fault(one.suspect.what, why, f"{entries_words(recording, mended)}{one.suspect.advice}"))
     return tuple(out)
@@ -103,7 +103,9 @@ def _following(recording: Recording, robot: Robot) -> _Following | None:
     weight = gravity_torque(robot, reading.motion.q)
     inertia = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion) - weight
     columns = [reading.motion.v, reading.motion.a, reading.sign, np.ones_like(weight), weight, inertia]
-    gains = np.array([0.0 if a.controller is None else a.controller.kp for a in robot.actuators])
+    controllers = [actuator.controller for actuator in robot.actuators]
+    gains = np.array([0.0 if controller is None else controller.kp for controller in controllers])
+    # A torque makes a following error of torque / gain. Without a stated gain, the error has no limit.
     per_torque = np.where(gains > 0, _GAIN / np.maximum(gains, 1e-300), np.inf)
     largest = np.full((robot.nv, len(columns)), np.inf)
     largest[:, 1] = per_torque * PLAUSIBLE.rotor * mean_inertia(robot, reading.motion.q)
@@ -240,7 +242,7 @@ def _orders(robot: Robot, data: _Following) -> list[Suspect]:
     if not 1 < robot.nv <= _MOST_JOINTS:
         return []
     joints = range(robot.nv)
-    costs = np.zeros((robot.nv, robot.nv))
+    costs = np.zeros((robot.nv, robot.nv))  # of joint i with the reference in the column of joint j
     for i in joints:
         for j in joints:
             references = [reading.tau[:, j] for reading in data.late]

@@ -139,8 +139,8 @@ def is_certain(found: ReadingFit) -> bool:
     if found.suspect.kind == "sign" and found.suspect.moves:
         # The joint itself may need the same torque with either sign of its position. Then only joints before it in the
         # chain fit better, so that any improved joint is enough.
-        every = (gains >= FAR_BETTER) & (worst <= RIGHT)
-        return bool(every.any() and np.all(np.nan_to_num(gains_of_joints) >= -WORSE))
+        improved_anywhere = (gains >= FAR_BETTER) & (worst <= RIGHT)
+        return bool(improved_anywhere.any() and np.all(np.nan_to_num(gains_of_joints) >= -WORSE))
     return int(improved.sum()) >= min(2, len(gains_of_joints))
 
 

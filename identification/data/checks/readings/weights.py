@@ -36,8 +36,8 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
     # The constant torque of a joint at rest does not show whether its weight was subtracted or a brake bears it.
     joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     size = float(np.linalg.norm(robot.model.gravity.linear))
-    most = size if loaded else _CONTAINED * size
-    if not joints or np.linalg.norm(gravity_from_torques(robot, reading, joints)) > most:
+    largest = size if loaded else _CONTAINED * size
+    if not joints or np.linalg.norm(gravity_from_torques(robot, reading, joints)) > largest:
         return []
     return [
         Suspect(
@@ -69,15 +69,15 @@ def attitude_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     if length <= _CONTAINED * size:
         return []
     if estimate @ given > _UPRIGHT * length * np.linalg.norm(given):
-        return _under(robot, reading, joints, size * given / np.linalg.norm(given))
+        return _other_gravity(robot, reading, joints, size * given / np.linalg.norm(given))
     nearest = np.argmax(np.abs(estimate))
     axis = np.eye(3)[nearest] * np.sign(estimate[nearest])
     directions = [axis] if estimate @ axis > _ALONG * length else [axis, estimate / length]
     tried = [size * direction for direction in directions if direction @ given <= _UPRIGHT * np.linalg.norm(given)]
-    return [suspect for gravity in tried for suspect in _under(robot, reading, joints, gravity)]
+    return [suspect for gravity in tried for suspect in _other_gravity(robot, reading, joints, gravity)]
 
 
-def _under(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float[Array, " 3"]) -> list[Suspect]:
+def _other_gravity(robot: Robot, reading: Reading, joints: Sequence[int], gravity: Float[Array, " 3"]) -> list[Suspect]:
     """The suspected mistake that gravity is not as the model states; empty if no torque would show the difference.
 
     Args:

@@ -34,15 +34,15 @@ def missing_torque(recording: Recording, robot: Robot, reading: Reading, needed:
         return None
     still = np.zeros_like(reading.motion.v)
     weight = inverse_dynamics(robot, replace(reading.motion, v=still, a=still))
-    size = np.sqrt(np.mean((needed - reading.external) ** 2, axis=0))
+    rms = np.sqrt(np.mean((needed - reading.external) ** 2, axis=0))
     parts = np.sqrt(np.mean(weight**2 + (needed - weight) ** 2, axis=0))
-    driven = np.array([one.actuated and one.drive_known for one in robot.actuators])
-    empty = driven & ~recording.tau.any(axis=0) & (np.ptp(recording.q, axis=0) > _MOVES) & (size > _CANCELS * parts)
+    driven = np.array([actuator.actuated and actuator.drive_known for actuator in robot.actuators])
+    empty = driven & ~recording.tau.any(axis=0) & (np.ptp(recording.q, axis=0) > _MOVES) & (rms > _CANCELS * parts)
     names = [recording.joint_names[j] for j in np.flatnonzero(empty)]
     if not names:
         return None
     one = len(names) == 1
-    needs = listed([f"{size[j]:.3g} {robot.torque_units[j]}" for j in np.flatnonzero(empty)])
+    needs = listed([f"{rms[j]:.3g} {robot.torque_units[j]}" for j in np.flatnonzero(empty)])
     entries = ", ".join(f"{name}: {{drive: unknown}}" for name in names)
     return Fault(
         f"the torque of {listed(names)} is 0 in every row",

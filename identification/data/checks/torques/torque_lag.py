@@ -4,8 +4,8 @@ The torque is shifted, or a low pass is inverted, until rigid bodies with free i
 best. A recording that is too short for so many parameters is fitted by the model torque times a free factor.
 
 At reversals and stops, dry friction jumps somewhat earlier or later than the velocity changes sign, because the joint
-sticks, or bends before it slides. Such a jump would look like a lag. So every sample near a reversal or stop is left
-out: one whose filter would cover the reversal or stop. Friction may be any function of the velocity.
+sticks, or bends before it slides. Such a jump would look like a lag. So a sample is used only if its filter covers no
+reversal and no stop. Between these, friction may be any function of the velocity.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ _LARGEST_RESIDUAL, _REMOVED = 0.05, 0.4
 CLEARLY = 0.5
 """A low pass fits clearly better than a shift if the ratio of their squared residuals is below this number, and a shift
 fits clearly better if the inverse ratio is. A slow motion does not distinguish the two."""
-# Samples below the first share of a joint's top speed are not used, nor those within the second time [s] of a reversal.
+# Samples below the first share of a joint's top speed are not used, nor those within the second time [s] of such a
+# sample or of a reversal.
 _CREEPING, _CREEPING_TIME = 0.05, 0.05
 # Half lengths of two filters, in periods of the cut-off. They are Hann windows: as these are finite, it is known on
 # which samples a filtered sample depends. Their gain is one half at 3.3 and at 1.4 times the cut-off.

@@ -1,4 +1,4 @@
-"""Estimates by which factor each recorded torque differs from the modelled one, as a motor current does.
+"""Estimates the factor between each recorded torque and the modelled one, to find wrong units and motor currents.
 
 Drives of different sizes have different torques per ampere, so each joint has its own factor: modelled torque of the
 links over recorded torque, fitted together with friction of any size. The factor is as accurate as the model.
@@ -35,7 +35,7 @@ _SAME_AS_INERTIA = float(np.log(2.0))
 
 
 def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
-    """Modelled torque [N m or N] per unit of the measured one; NaN for joints whose motion does not determine it.
+    """Modelled torque [N m or N] per unit of the measured one, shape ``(nv,)``; NaN where the motion does not show it.
 
     Friction may be most of a torque, and back-EMF most of a voltage. So the share that the links explain is compared
     with the unexplained share, and not with the whole torque.
