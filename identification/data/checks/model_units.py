@@ -17,7 +17,7 @@ from identification.data.recording import Fault
 from phantom_dyn.model.inertia import body_name
 from phantom_dyn.model.robot import Robot
 
-# Lengths [m] above this number may be in mm: robots of 20 m are rare, and in mm it is the length of a finger's link.
+# Lengths [m] above this number may be in mm: robots of 20 m are rare, and 20 mm is the length of a finger's link.
 _LONG = 20.0
 # Length [m] that is too large for a machine even if it is in mm. The largest length that wrong units make is 30 km: the
 # radius of gyration of a body whose inertia is in g mm^2.

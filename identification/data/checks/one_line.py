@@ -93,8 +93,7 @@ def separated(robot: Robot, motion: Motion) -> Separated:
     shifts = [int(count * (joint * 0.381966 % 1.0)) for joint in range(robot.nv)]
     shifted = Motion(motion.t[rows], *(_shifted(x, shifts)[rows] for x in (motion.q, motion.v, motion.a)))
     w, w_shifted = rigid_body_regressor(robot, motion.at(rows)), rigid_body_regressor(robot, shifted)
-    # Each joint's rows are divided by its torque, so that all joints count alike; a joint without torque, by the
-    # largest.
+    # The rows of each joint are divided by its modelled torque, so that all joints count alike.
     torque_rms = np.sqrt(np.mean((w @ standard_parameters(robot)) ** 2, axis=0))
     torque_rms = np.where(torque_rms > 0.0, torque_rms, max(float(torque_rms.max()), 1e-300))[None, :, None]
     w, w_shifted = ((part / torque_rms).reshape(-1, part.shape[2]) for part in (w, w_shifted))

@@ -150,15 +150,17 @@ def _bounded_columns(robot: Robot, reading: Reading, freedom: Freedom) -> _Bound
     """Columns of the torque, with the smallest and the largest plausible coefficient of each."""
     regressor = rigid_body_regressor(robot, reading.motion)
     modelled = standard_parameters(robot)
-    carries = payload_body(robot) - 1
+    carries = payload_body(robot) - 1  # index of the body that may carry a payload
     mass, reach = float(modelled[::_PARAMETERS].sum()), _reach(robot)
     columns, low, high = [], [], []
+    # Each body has one factor for mass and first moments, and one for the moments and products of inertia.
     for body in range(len(modelled) // _PARAMETERS):
         start = body * _PARAMETERS
         for part in (slice(start, start + _MASS_AND_MOMENTS), slice(start + _MASS_AND_MOMENTS, start + _PARAMETERS)):
             columns.append(regressor[:, :, part] @ modelled[part])
             low.append(freedom.last if body >= carries else 1 / freedom.factor)
             high.append(freedom.factor)
+    # The payload has ten free parameters. Its moments grow with powers of half the robot's length.
     load = freedom.load * (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments of inertia; others may be negative
     columns += list(np.moveaxis(regressor[:, :, carries * _PARAMETERS : (carries + 1) * _PARAMETERS], 2, 0))

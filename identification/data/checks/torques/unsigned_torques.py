@@ -36,6 +36,7 @@ def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, 
         columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(len(needed))])
         tau = np.abs(reading.tau[:, j])
         signed = _mean_square(columns, tau)
+        # The unknown signs are those of the fit, which needs the signs itself: so both are found in turn.
         x = np.linalg.lstsq(columns, tau * np.sign(needed[:, j]), rcond=1e-9)[0]
         for _ in range(_ROUNDS):
             x = np.linalg.lstsq(columns, tau * np.sign(columns @ x), rcond=1e-9)[0]
@@ -44,7 +45,8 @@ def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, 
             found.append((recording.joint_names[j], signed / tau.var(), unsigned / tau.var()))
     if not found:
         return None
-    names, (_, signed, unsigned) = listed([name for name, _, _ in found]), max(found, key=lambda one: one[1])
+    names = listed([name for name, _, _ in found])
+    _, signed, unsigned = max(found, key=lambda one: one[1])
     several = len(found) > 1
     return Fault(
         f"the torque{'s' * several} of {names} {'have' if several else 'has'} no sign",
