@@ -1,4 +1,4 @@
-"""Names of the changes between two recordings whose amount need not be known.
+"""Kinds of change between two recordings that a user may name without stating their size.
 
 This module imports nothing else, so that the command line can list the names without loading NumPy.
 """

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Known changes between recordings (payload, controllers), and the robot's model with these changes."""
+"""Data types of the changes between recordings, and the robot's model with a known payload or known controllers."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Change:
     Attributes:
         file: Name of the recording, for messages.
         payload: A known mass that the robot carries in addition to the model.
-        controllers: Position controllers by joint, where they differ from those of the robot.
-        changed: Kinds of change that the user has named.
+        controllers: Position controllers by joint, for joints whose controller differs from that in the robot's model.
+        changed: Kinds of change that the user has named, with or without their size.
         exclude: Intervals of the recording's time [s] to leave out of every fit.
         beside: Further files that hold more columns of the same samples.
     """
@@ -56,7 +56,7 @@ class Change:
 
 
 def robot_in(robot: Robot, change: Change) -> Robot:
-    """The robot as it was in one recording; the given object if the recording has no known change."""
+    """The robot's model with the known payload and controllers of one recording; ``robot`` itself if there are none."""
     loaded = robot if change.payload is None or change.payload.mass == 0 else with_payload(robot, change.payload)
     if not change.controllers:
         return loaded
@@ -79,18 +79,18 @@ def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
 
 
 def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
-    """Centre of the mass [m] in the frame of the joint that moves its link, in which findings state it."""
+    """Centre of the mass [m] in the frame of the joint that moves its link. Findings use this frame."""
     return np.asarray(_placement_of_centers(robot).act(np.array(payload.center, dtype=float)))
 
 
 def written_center(robot: Robot, center: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """A centre in the frame of the joint that moves the link, as `KnownPayload` counts it [m]."""
+    """Inverse of `payload_center`: a centre [m] in the joint's frame, converted to the frame of `KnownPayload`."""
     return np.asarray(_placement_of_centers(robot).actInv(np.asarray(center, dtype=float)))
 
 
 def _placement_of_centers(robot: Robot) -> pin.SE3:
-    """Placement, in the frame of the joint that moves the link, of the frame in which a known centre is given."""
-    # Without a payload frame, a frame named tip selects the link that carries the mass; the centre is not given in it.
+    """Placement of the frame of `KnownPayload.center` in the frame of the joint that moves the link."""
+    # A frame named tip only selects the link that carries the mass. Centres are not given in that frame.
     if robot.payload_frame is None:
         return pin.SE3.Identity()
     return robot.model.frames[robot.model.getFrameId(robot.payload_frame)].placement

@@ -16,6 +16,7 @@ from identification.data.refusal import fault_sentence
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.model.robot import Robot
 
+# Words for measured poses; True if orientations were measured, too.
 _MEASURED = {False: "positions", True: "positions and orientations"}
 
 
@@ -30,8 +31,8 @@ class CheckedRecording:
         seconds: Time from the first sample to the last [s].
         wrong: Certain faults; `diagnose` refuses a recording that has one.
         warnings: Sentences on corrected values and possible errors.
-        frames: Names of the frames with measured poses, and whether their orientations were measured.
-        with_robot: True if it was checked against a model; without a model, fewer faults are found.
+        frames: Frames with measured positions; the value is True if the orientation of the frame was measured, too.
+        with_robot: True if the recording was checked against a model; without a model, fewer faults are found.
         loops: A sentence on each drive whose control loop could be estimated from the recording.
     """
 
@@ -122,7 +123,7 @@ def _read(
     ref_topic: str | None,
     progress: Progress,
 ) -> Recording:
-    """The recording in a file; it may lack torques if it holds only poses, or references of controllers."""
+    """The checked recording in a file. A file without torques is read if it has only poses, or has references."""
 
     def read(torque_needed: bool) -> Recording:
         found = recording(table_of(path, robot, columns, topic, ref_topic), robot, torque_needed=torque_needed)

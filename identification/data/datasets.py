@@ -209,7 +209,7 @@ def local(name: str) -> Path | None:
 
     Raises:
         UsageError: If the name is unknown.
-        LogError: If a file in the folder of ``PHANTOM_DYN_DATA`` has another SHA-256 than the list states.
+        LogError: If a file in the folder of ``PHANTOM_DYN_DATA`` does not have the SHA-256 of the list.
     """
     dataset = find(name)
     root = os.environ.get("PHANTOM_DYN_DATA")
@@ -259,6 +259,7 @@ def cache_folder(name: str) -> Path:
 
 
 def _check(path: Path, file: File) -> None:
+    """Raise an error if the content of a file is not the listed one."""
     found = _sha256(path)
     if found != file.sha256:
         raise LogError(
@@ -272,6 +273,7 @@ def _sha256(path: Path) -> str:
 
 
 def _where_to_put(dataset: Dataset) -> str:
+    """Advice on the folder into which a user puts the files by hand."""
     root = os.environ.get("PHANTOM_DYN_DATA")
     names = ", ".join(file.name for file in dataset.files)
     if root:
@@ -288,7 +290,7 @@ def download(address: str, path: Path, sha256: str) -> None:
     """
     import pooch
 
-    pooch.get_logger().setLevel("WARNING")  # it announces every download
+    pooch.get_logger().setLevel("WARNING")  # by default Pooch prints a line for every download
     try:
         pooch.retrieve(
             address,
@@ -302,7 +304,7 @@ def download(address: str, path: Path, sha256: str) -> None:
 
 
 def _to_file(url: str, output_file: str, _: object) -> None:
-    """Write the content of ``url`` to a file; the arguments are those of a downloader of Pooch."""
+    """Write the content of ``url`` to a file; Pooch calls this function with these three arguments."""
     import requests
 
     try:
@@ -318,7 +320,7 @@ def _to_file(url: str, output_file: str, _: object) -> None:
 
 
 def with_timeout(seconds: float, job: Callable[[], T]) -> T:
-    """Result of ``job``; a job that takes longer than ``seconds`` is abandoned.
+    """Result of ``job``, or an error if the job takes longer than ``seconds``.
 
     The job runs in a thread, because the look-up of a host's address cannot be interrupted otherwise.
 
@@ -345,7 +347,7 @@ def with_timeout(seconds: float, job: Callable[[], T]) -> T:
 
 
 def _with_progress(chunks: Iterator[bytes], size: int, label: str) -> Iterator[bytes]:
-    """The chunks; if standard error is a terminal, it shows a progress bar."""
+    """The same chunks; while they are read, a terminal on standard error shows a progress bar."""
     if not sys.stderr.isatty():
         yield from chunks
         return

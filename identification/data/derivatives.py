@@ -19,15 +19,15 @@ from phantom_dyn.signals.splines import quintic_derivatives
 MOTION_BAND = 2.5
 # Ratio between consecutive edges that are tried; the first is this ratio times the edge of the band.
 _EDGE_RATIO = 2.0**-0.25
-# Each tried low pass removes a part of the signal, and would remove a smaller part of a signal that is only rounded.
-# The edge is accepted if the ratio of these two parts is at most 1 + `_TOLERANCE`. Above `_STOP_RATIO`, no lower edge
-# is tried.
+# Two rms values are compared for each edge: of the part that the low pass removes from the readings, and of the part
+# that it removes from its own result after rounding to encoder steps (rounding errors alone). The edge is accepted if
+# the first is at most 1 + `_TOLERANCE` times the second. Above `_STOP_RATIO` times, no lower edge is tried.
 _TOLERANCE, _STOP_RATIO = 0.01, 1.5
 # Largest difference between motion and readings, in encoder steps; rounding alone makes half a step.
 _LARGEST_DIFFERENCE = 1.0
-# Smallest error that rounding makes, in encoder steps: the denominator of the ratio with `_STOP_RATIO`.
+# Lower limit of the second rms value, in encoder steps, so that the ratio is finite.
 _LEAST_ROUNDING = 1e-6
-# The lowest edge that is tried has this number of periods in the recording.
+# No edge is tried that has fewer periods in the recording.
 _FEWEST_PERIODS = 4.0
 
 
@@ -42,7 +42,7 @@ def differentiate(
     Args:
         q: Samples at a uniform rate.
         rate_hz: Samples per second.
-        cutoff_hz: Edge of the low pass of all joints, or of each joint.
+        cutoff_hz: Edge of the low pass, one for all joints or one for each joint.
     """
     edges = np.broadcast_to(cutoff_hz, q.shape[1])
     smooth = np.array(q, dtype=float)
@@ -67,11 +67,11 @@ def edges_of_readings(
 ) -> Float[Array, " nv"]:
     """Edge [Hz] of the low pass of each joint's positions: `motion_edge`, or lower if encoder steps would remain.
 
-    Only edges below the edge of the band are tried, because the band's own filter removes steps above it. The lowest
-    edge that agrees with the readings is taken (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR 167, 1966).
-    An edge agrees if two conditions hold. First, the low pass removes no more from the readings than it removes from
-    its own result after rounding to encoder steps. Second, no reading differs from the result by more than a step.
-    Readings with noise of many steps keep `motion_edge`.
+    Only edges below the edge of the band are tried, because the band's own filter removes everything above its edge.
+    The lowest edge that agrees with the readings is taken (the discrepancy principle: Morozov, Dokl. Akad. Nauk SSSR
+    167, 1966). An edge agrees if two conditions hold. First, the low pass removes no more from the readings than it
+    removes from its own result after rounding to encoder steps. Second, no reading differs from the result by more than
+    a step. If the noise of the readings is many steps, no edge agrees, and the result is `motion_edge`.
 
     Args:
         q: Positions at a uniform rate.

@@ -1,9 +1,9 @@
-"""Estimate of a drive's position controller by regression of its logged output on the position error.
+"""Estimates a drive's position controller by regression of its logged output on the position error.
 
 A drive with its own position controller has the output ``y = gain (q_ref(t - delay) - q) + offset``, clipped. If the
 recording has this output (voltage, share of the supply, current or torque), gain, limit, dead band, delay and hold of
 the reference are estimated without a model of the robot. Rows at the limit are left out of the regression. An output
-that equals the controller's law up to rounding was computed and not measured; it does not show the drive's delay.
+that equals this law up to rounding was computed and not measured. Such an output does not show the drive's delay.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ _LONGEST, _PER_STEP = 0.2, 4
 _FEWEST, _STRETCHES = 100, 10
 # Share of the output's variance that the loop has to explain.
 _EXPLAINED = 0.9
-# Rows within the first share of the largest output are at the limit (a supply varies by a per cent), if they are more
-# than the second share of all rows.
+# Rows are at the limit if they differ from the largest output by at most the share `_AT_LIMIT`, because a supply varies
+# by a per cent. A limit is accepted if at least the share `_SHARE_AT_LIMIT` of all rows is at the limit.
 _AT_LIMIT, _SHARE_AT_LIMIT = 0.015, 0.01
-# Residual, as a share of the output's rms, up to which an output without delay counts as computed: rounding and
-# variations of the supply remain below it. Measured drives have 5 to 10 %.
+# An output without delay counts as computed if the rms of its residual is at most this share of the output's rms.
+# Rounding and variations of the supply are below this share; measured drives have 5 to 10 %.
 _ROUNDING = 0.015
-# Rows with a residual of more than the first number of robust standard deviations are outliers; they are removed if
-# they are at most the second share of all rows.
+# Rows with a residual of more than `_OUTLIER` robust standard deviations are outliers. They are removed if they are at
+# most the share `_MOST_OUTLIERS` of the rows.
 _OUTLIER, _MOST_OUTLIERS = 6.0, 0.02
-# Smallest share of rows without output with which there may be a dead band.
+# There may be a dead band if at least this share of the rows has an output of zero.
 _SILENT = 0.02
-# Smallest share of repeated samples of a moving reference with which it is held for longer than a sample.
+# A reference is held for longer than a sample if, while it moves, more than this share of its samples are repeated.
 _REPEATED = 0.3
-# Some drives reduce their output beyond an error, to protect themselves. Such a drop is accepted if the output is below
-# the first share of gain times error, in more than the second share of the rows, and if a fit with the drop has less
-# than the third share of the squared residual of a fit without.
+# Some drives reduce their output beyond a certain position error, to protect themselves. Such a drop is accepted if the
+# reduced output is below the share `_DROPPED` of gain times error, if more than the share `_SHARE_DROPPED` of the rows
+# is reduced, and if the drop makes the squared residual smaller than the share `_TWO_LEVELS` of that without a drop.
 _DROPPED, _SHARE_DROPPED, _TWO_LEVELS = 0.7, 0.01, 0.3
 # Number of rows for a first estimate of the delay.
 _ROWS_OF_DELAY = 4000
-# Number of rows with which a drop of the output is looked for. A position that differs from both its neighbours by more
-# than `_JUMP` usual steps is a wrong reading.
+# Number of rows in which a drop is searched for. A position that differs from both its neighbours by more than `_JUMP`
+# median steps is a wrong reading.
 _ROWS_OF_DROP, _JUMP = 4000, 10.0
 # Half width, in standard deviations, of the interval of an estimated delay.
 _INTERVAL_STDS = 3.0
@@ -64,8 +64,8 @@ class DriveLoop:
         computed: True if the output equals the controller's law up to rounding: it was computed and not measured.
         drops_beyond: Position error [rad or m] beyond which the drive reduces its output to protect itself; infinite if
             it does not.
-        drops_to: Output beyond that error.
-        dropped: Share of the rows beyond that error.
+        drops_to: Size of the output beyond ``drops_beyond``.
+        dropped: Share of the rows with an error beyond ``drops_beyond``.
     """
 
     output: str
@@ -84,7 +84,7 @@ class DriveLoop:
     dropped: float = 0.0
 
     def output_at(self, error: Float[Array, " N"]) -> Float[Array, " N"]:
-        """Output at position errors [rad or m] with limit and drop, without an offset."""
+        """Output at the given position errors [rad or m], with limit and drop, and without an offset."""
         limit = np.inf if self.limit is None else self.limit
         most = np.where(np.abs(error) > self.drops_beyond, min(self.drops_to, limit), limit)
         return np.clip(self.gain * error, -most, most)
@@ -100,7 +100,7 @@ def drive_loop(
         t: Times [s].
         y: Output of the drive.
         q_ref: References as recorded [rad or m].
-        q: Measured positions.
+        q: Measured positions [rad or m].
     """
     finite = np.isfinite(y) & np.isfinite(q_ref) & np.isfinite(q)
     if finite.sum() < _FEWEST or not np.ptp(y[finite]) > 0 or not np.ptp(q_ref[finite]) > 0:
@@ -116,37 +116,41 @@ def drive_loop(
         use = _without_outliers(t, y, q_ref, q, finite & ~dropped, delays, np.inf)
     if use.sum() < _FEWEST:
         return None
-    delays = delays[_neighbours(_PER_STEP * _coarse_best(t, y, q_ref, q, use, delays[::_PER_STEP]), 2 * _PER_STEP)]
+    # The fine delays within two steps of the best coarse delay.
+    coarse_best = _coarse_best(t, y, q_ref, q, use, delays[::_PER_STEP])
+    delays = delays[_neighbours(_PER_STEP * coarse_best, 2 * _PER_STEP)]
     errors = _errors(t, q_ref, q, delays)
     sums = _sums(errors, y, use)
     gain, delay, residual_rms = _best(sums.sum(axis=0), delays)
     if gain <= 0 or residual_rms > np.sqrt(1.0 - _EXPLAINED) * float(np.std(y[use])):
         return None
-    left_out = np.array([_best(sums.sum(axis=0) - part, delays)[:2] for part in sums])
-    std = np.sqrt((_STRETCHES - 1) * np.var(left_out, axis=0))
+    # Jackknife: gain and delay without one stretch at a time.
+    without_one = np.array([_best(sums.sum(axis=0) - part, delays)[:2] for part in sums])
+    gain_std, delay_std = np.sqrt((_STRETCHES - 1) * np.var(without_one, axis=0))
     # The deviation is at least that of a delay that is uniformly distributed between two grid points.
-    std[1] = max(std[1], step / _PER_STEP / np.sqrt(12))
+    delay_std = max(delay_std, step / _PER_STEP / np.sqrt(12))
     size = float(np.sqrt(np.mean(y[use] ** 2)))
     computed = delay < step / _PER_STEP and residual_rms <= max(_ROUNDING * size, _quantum(y[use]))
     return DriveLoop(
-        output,
-        gain,
-        float(std[0]),
-        0.0 if computed else delay,
-        float(std[1]),
-        limit,
-        float(clipped.sum() / finite.sum()),
-        _dead_band(y[use], errors[use, int(np.argmin(np.abs(delays - delay)))]),
-        _hold(t, q_ref, step),
-        residual_rms,
-        computed,
-        *((np.inf, np.inf) if drop is None else (drop[1], float(np.median(np.abs(y[finite & dropped]))))),
-        float((finite & dropped).sum() / finite.sum()),
+        output=output,
+        gain=gain,
+        gain_std=float(gain_std),
+        delay=0.0 if computed else delay,
+        delay_std=float(delay_std),
+        limit=limit,
+        at_limit=float(clipped.sum() / finite.sum()),
+        dead_band=_dead_band(y[use], errors[use, int(np.argmin(np.abs(delays - delay)))]),
+        hold=_hold(t, q_ref, step),
+        residual_rms=residual_rms,
+        computed=computed,
+        drops_beyond=np.inf if drop is None else drop[1],
+        drops_to=np.inf if drop is None else float(np.median(np.abs(y[finite & dropped]))),
+        dropped=float((finite & dropped).sum() / finite.sum()),
     )
 
 
 def _isolated(q: Float[Array, " N"]) -> Bool[Array, " N"]:
-    """True for rows whose position is far from both its neighbours: wrong readings."""
+    """True for rows with a wrong reading, whose position is far from both its neighbours."""
     away = np.minimum(np.abs(np.diff(q, prepend=q[:1])), np.abs(np.diff(q, append=q[-1:])))
     return away > _JUMP * max(float(np.median(np.abs(np.diff(q)))), 1e-12)
 
@@ -154,11 +158,11 @@ def _isolated(q: Float[Array, " N"]) -> Bool[Array, " N"]:
 def _drop(
     t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"]
 ) -> tuple[float, float] | None:
-    """Delay [s] and position error [rad or m] beyond which a drive reduces its output; None if it does not.
+    """Delay of the references [s], and position error [rad or m] beyond which a drive reduces its output, or None.
 
-    As a function of the absolute error, the output is a line through the origin up to that error and a constant beyond.
-    Every error in the data is tried: with rows sorted by error, cumulative sums give the squared residuals of both
-    parts.
+    The output is modelled as a function of the absolute error: a line through the origin up to the drop, and a constant
+    beyond it. Every error in the data is tried as the drop. With rows sorted by error, cumulative sums give the squared
+    residual of both parts.
     """
     rows = np.flatnonzero(use)
     rows = rows[:: max(len(rows) // _ROWS_OF_DROP, 1)]
@@ -166,25 +170,27 @@ def _drop(
     for delay in delays:
         error = np.interp(t[rows] - delay, t, q_ref) - q[rows]
         order = np.argsort(np.abs(error))
+        # Size of the error, and output in the direction of the error.
         e, z = np.abs(error)[order], (y[rows] * np.sign(error))[order]
-        ee, ez, zz, zs = (np.cumsum(x) for x in (e * e, e * z, z * z, z))
-        ahead = np.arange(len(e) - 1, 0, -1)
-        gain, level = ez[:-1] / np.maximum(ee[:-1], 1e-300), (zs[-1] - zs[:-1]) / ahead
-        squares = zz[-1] - gain * ez[:-1] - level * (zs[-1] - zs[:-1])
-        dropped = (level < _DROPPED * gain * e[:-1]) & (ahead > _SHARE_DROPPED * len(e))
+        sum_ee, sum_ez, sum_zz, sum_z = (np.cumsum(x) for x in (e * e, e * z, z * z, z))
+        count_beyond, sum_beyond = np.arange(len(e) - 1, 0, -1), sum_z[-1] - sum_z[:-1]
+        gain, level = sum_ez[:-1] / np.maximum(sum_ee[:-1], 1e-300), sum_beyond / count_beyond
+        squares = sum_zz[-1] - gain * sum_ez[:-1] - level * sum_beyond
+        dropped = (level < _DROPPED * gain * e[:-1]) & (count_beyond > _SHARE_DROPPED * len(e))
         squares = np.where(dropped, squares, np.inf)
+        without_drop = sum_zz[-1] - sum_ez[-1] ** 2 / max(sum_ee[-1], 1e-300)
         k = int(np.argmin(squares))
-        if squares[k] < min(least, _TWO_LEVELS * (zz[-1] - ez[-1] ** 2 / max(ee[-1], 1e-300))):
+        if squares[k] < min(least, _TWO_LEVELS * without_drop):
             least, best = float(squares[k]), (float(delay), float(0.5 * (e[k] + e[k + 1])))
     if best is None:
         return None
-    # A real drop lasts for several samples; single rows are wrong readings.
+    # A real drop lasts for several rows, a wrong reading for one.
     dropped = use & _beyond(t, q_ref, q, *best)
     return best if 2 * int(np.sum(dropped[1:] & dropped[:-1])) > dropped.sum() else None
 
 
 def _beyond(t: Array, q_ref: Array, q: Array, delay: float, error: float) -> Bool[Array, " N"]:
-    """True for rows whose absolute position error is larger than ``error``, with a reference that is late."""
+    """True for rows whose absolute position error is larger than ``error``, with references ``delay`` seconds late."""
     return np.abs(np.interp(t - delay, t, q_ref) - q) > error
 
 
@@ -193,12 +199,13 @@ def delay_intervals(
 ) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
     """Smallest and largest delay of each joint's reference [s] that agrees with the estimated controller.
 
-    They are zero and infinite without an estimate, and if the output was computed, as it does not show the delay then.
+    They are zero and infinity for a joint without an estimate, and for a joint whose output was computed, because such
+    an output does not show the delay.
 
     Args:
         loops: Estimated controller of each joint; may be empty.
         nv: Number of joints.
-        frame: Time [s] for which a reference is held: it arrived up to this time before the sample.
+        frame: Time [s] for which a reference is held: it may have arrived up to this time before the sample.
     """
     least, most = np.zeros(nv), np.full(nv, np.inf)
     for j, loop in enumerate(loops):
@@ -209,11 +216,12 @@ def delay_intervals(
 
 
 def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float | None, Bool[Array, " N"]]:
-    """Limit of the output, and True for rows at the limit; None and no rows if the largest values are only peaks."""
+    """Limit of the output, and True for rows at the limit; None and no rows if the largest outputs are only peaks."""
     largest = float(np.abs(y[finite]).max())
+    # Rows at a limit come in runs, peaks do not: pairs of neighbouring rows are counted.
     at_limit = finite & (np.abs(y) >= (1.0 - _AT_LIMIT) * largest)
-    runs = int(np.sum(at_limit[1:] & at_limit[:-1]))
-    if at_limit.sum() < _SHARE_AT_LIMIT * finite.sum() or runs < 0.5 * at_limit.sum():
+    pairs = int(np.sum(at_limit[1:] & at_limit[:-1]))
+    if at_limit.sum() < _SHARE_AT_LIMIT * finite.sum() or pairs < 0.5 * at_limit.sum():
         return None, np.zeros(len(y), dtype=bool)
     return float(np.median(np.abs(y[at_limit]))), at_limit
 
@@ -221,7 +229,10 @@ def _clipping(y: Float[Array, " N"], finite: Bool[Array, " N"]) -> tuple[float |
 def _exceeds_limit(
     t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], clipped: Bool[Array, " N"], delays: Array
 ) -> bool:
-    """True if the fitted controller asks for more than the output in clipped rows; it does not if these are peaks."""
+    """True if the fitted controller asks for more than the logged output in the rows that count as clipped.
+
+    If these rows are only peaks, the controller asks for no more than the output.
+    """
     if use.sum() < _FEWEST:
         return True
     commanded = _commanded(t, y, q_ref, q, use, delays)
@@ -231,7 +242,7 @@ def _exceeds_limit(
 def _without_outliers(
     t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"], limit: float
 ) -> Bool[Array, " N"]:
-    """True for rows in which the controller asks for less than the limit, and the output is no outlier."""
+    """True for used rows in which the controller asks for less than the limit, and the output is no outlier."""
     for _ in range(3):
         commanded = _commanded(t, y, q_ref, q, use, delays)
         within = use & (np.abs(commanded) < (1.0 - 2 * _AT_LIMIT) * limit)
@@ -246,7 +257,7 @@ def _without_outliers(
 def _commanded(
     t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], delays: Float[Array, " d"]
 ) -> Float[Array, " N"]:
-    """Output that the controller asks for with the best gain and the best delay, by least squares."""
+    """Output that the controller asks for, without its offset, with gain and delay by least squares."""
     coarse = delays[::_PER_STEP]
     coarse = coarse[_neighbours(_coarse_best(t, y, q_ref, q, use, coarse), 1)]
     errors = _errors(t, q_ref, q, coarse)
@@ -255,7 +266,7 @@ def _commanded(
 
 
 def _coarse_best(t: Array, y: Array, q_ref: Array, q: Array, use: Bool[Array, " N"], coarse: Float[Array, " d"]) -> int:
-    """Index of the delay with the smallest squared residual, from some thousand rows only."""
+    """Index of the delay with the smallest squared residual. To save time, only some thousand rows are used."""
     rows = np.flatnonzero(use)
     rows = rows[:: max(len(rows) // _ROWS_OF_DELAY, 1)]
     errors = _errors(t, q_ref, q, coarse, rows)
@@ -277,7 +288,10 @@ def _neighbours(k: int, reach: int) -> slice:
 
 
 def _sums(errors: Float[Array, "N d"], y: Float[Array, " N"], use: Bool[Array, " N"]) -> Float[Array, "s d 6"]:
-    """Sums over the used rows of each stretch, for each delay: number of rows, error, output, and their products."""
+    """Sums over the used rows of each of ``s`` stretches, for each of ``d`` delays.
+
+    The six sums are of 1, error, output, squared error, error times output, and squared output.
+    """
     out = []
     for part in np.array_split(np.flatnonzero(use), _STRETCHES):
         e, z = errors[part], y[part, None]
@@ -287,11 +301,17 @@ def _sums(errors: Float[Array, "N d"], y: Float[Array, " N"], use: Bool[Array, "
 
 
 def _best(sums: Float[Array, "d 6"], delays: Float[Array, " d"]) -> tuple[float, float, float]:
-    """Gain, delay and residual rms at the delay with the smallest residual, interpolated by a parabola."""
+    """Gain, delay and residual rms at the delay with the smallest residual, interpolated by a parabola.
+
+    Args:
+        sums: Result of `_sums`, added over stretches.
+        delays: The delays [s].
+    """
     n, e, y, ee, ey, yy = sums.T
-    var, cov = ee - e * e / n, ey - e * y / n
-    gain = cov / np.maximum(var, 1e-300)
-    variance = np.maximum(yy - y * y / n - gain * cov, 0.0) / n
+    # Products of centred values, because the controller may have an offset.
+    centred_ee, centred_ey = ee - e * e / n, ey - e * y / n
+    gain = centred_ey / np.maximum(centred_ee, 1e-300)
+    variance = np.maximum(yy - y * y / n - gain * centred_ey, 0.0) / n
     k = int(np.argmin(variance))
     if 0 < k < len(delays) - 1:
         before, lowest, after = variance[k - 1 : k + 2]
@@ -303,7 +323,7 @@ def _best(sums: Float[Array, "d 6"], delays: Float[Array, " d"]) -> tuple[float,
 
 
 def _quantum(y: Float[Array, " n"]) -> float:
-    """Smallest difference between two values of an output: the step to which the recorder rounds it."""
+    """Step to which the recorder rounds an output: the smallest difference between two of its values."""
     steps = np.diff(np.unique(y))
     return float(steps.min()) if len(steps) else 0.0
 
@@ -324,8 +344,9 @@ def _hold(t: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) -> floa
     if len(changes) < _FEWEST // 4:
         return None
     spans = np.diff(t[changes])
-    # Long spans without a change are rests of the reference; the median is that of its motion.
+    # Long spans without a change are rests of the reference. While it moves, spans are near the median.
     typical = float(np.median(spans))
     moving = spans < 5 * typical
+    # Share of the samples of the moving reference that repeat the value before them.
     repeated = 1.0 - step * moving.sum() / max(float(spans[moving].sum()), 1e-300)
     return float(spans[moving].mean()) if repeated > _REPEATED else None

@@ -91,12 +91,12 @@ class Log:
             joint's torque is not used then. None without knowledge of contacts.
         arrival: Change of the torque if references arrive one sample later [N m or N], ``(N, nv)``, for voltages that
             were read once per held reference, see `identification.data.drives.arrivals`; None without such joints.
-        switching: Standard deviation of the torque where a drive reduces its voltage between two samples [N m or N],
-            ``(N, nv)``, with the sign of the change; None if ``arrival`` is None.
-        noise_covariance: Autocovariance at lags of zero, one and two steps of white torque noise of unit variance after
-            interpolation to a uniform rate, see `identification.data.signals.interpolated_noise`.
+        switching: Standard deviation of the torque where a drive may reduce its voltage between two samples [N m or N],
+            ``(N, nv)``. It has a sign, so that filters act on it as on the torque. None if ``arrival`` is None.
+        noise_covariance: Autocovariance, at lags of 0, 1 and 2 samples, that white torque noise of unit variance has
+            after interpolation to the uniform rate, see `identification.data.signals.interpolated_noise`.
         position_edges: Edge of the low pass of each joint's positions [Hz], ``(nv,)``, see
-            `identification.data.derivatives`; None if it is `identification.data.derivatives.motion_edge`.
+            `identification.data.derivatives`; None if all joints have `identification.data.derivatives.motion_edge`.
         base_sensors: Sensors on a floating base; None for a fixed one.
     """
 
@@ -132,7 +132,8 @@ class Log:
         """Change of the torque [N m or N] if references arrive later.
 
         Args:
-            frames: Joints, and the delay of their references as a share of the time for which a reference is held.
+            frames: Pairs of a joint and the delay of its references, as a share of the time for which a reference is
+                held.
         """
         out = np.zeros_like(self.tau)
         if self.arrival is not None:
@@ -165,6 +166,6 @@ class Log:
 
     def _filtered_without(self, bad: Bool[Array, " N"]) -> Bool[Array, " n"]:
         """True for decimated samples whose filter kernel covers no ``bad`` sample."""
-        count = np.concatenate([[0], np.cumsum(bad)])
-        at, half = self.samples, self.band.half
-        return count[at + half + 1] == count[at - half]
+        bad_before = np.concatenate([[0], np.cumsum(bad)])
+        centre, half = self.samples, self.band.half
+        return bad_before[centre + half + 1] == bad_before[centre - half]

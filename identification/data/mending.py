@@ -1,10 +1,10 @@
-"""Repairs of a recording that leave no doubt: encoder turns are unwrapped, short spikes and dropouts are removed.
+"""Repairs certain errors of a recording: unwraps turns of encoders, and replaces short spikes and dropouts.
 
 If a position jumps by a whole turn from one sample to the next, the joint has not moved: its encoder has started to
-count from zero again. The turn is in radians, or in degrees if the unit is not known yet. A value that differs from
-its neighbours by far more than all other changes, and returns after at most five samples, is a wrong reading: it is
-replaced by linear interpolation. A jump of the torque is kept if the velocity of some joint jumps at the same time, as
-both do when a reference steps. Warnings state the corrections with counts and times.
+count from zero again. The turn is in radians, or in degrees because a wrong unit is only found later. A value that
+jumps by far more than other values change, and returns after at most five samples, is a wrong reading: it is replaced
+by linear interpolation. A jump of the torque is kept if the velocity of some joint jumps at the same time, because both
+jump when a reference steps. Warnings state the corrections with counts and times.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from identification.data.recording import Recording, when
 from phantom_dyn.array_types import Array, Bool, Float, read_only
 
 _TURN, _TURN_DEGREES = 2 * np.pi, 360.0  # [rad, degrees]
-# A jump is a whole turn if its difference from whole turns is at most the first number [rad], and at most the second
-# number times the largest ordinary step. Ordinary steps are steps of less than half a turn; they are looked for within
-# the third number of samples before and after the jump.
+# Ordinary steps are steps of less than half a turn, within `_NEIGHBOURS` samples before and after a jump. The jump is a
+# whole turn if its difference from whole turns is at most `_LARGEST_REMAINDER` [rad], and at most `_LARGEST_STEPS`
+# times the largest ordinary step.
 _LARGEST_REMAINDER, _LARGEST_STEPS, _NEIGHBOURS = 0.5, 5.0, 20
 # Largest number of samples of a spike or dropout: a longer one cannot be interpolated.
 _LONGEST_SPIKE = 5
 # Smallest size of a spike, as a multiple of the 99 % quantile of all changes from sample to sample.
 _SPIKE_QUANTILES = 6.0
-# A spike ends when the value has returned to within the first share of the jump; until then, it stays at least the
-# second share of the jump away.
+# Distances from the value before a spike, as shares of its first jump: the largest one at its end, and the smallest one
+# within it.
 _RETURNED, _STILL_AWAY = 0.2, 0.5
-# Smallest spike that is removed: of an angle [rad], of a length [m], and of a torque (in its standard deviations).
+# Smallest spike that is removed: of an angle [rad], of a length [m], and of a torque (in standard deviations of the
+# joint's torque).
 _SMALLEST_ANGLE, _SMALLEST_LENGTH, _SMALLEST_TORQUE = 0.02, 0.002, 0.5
-# A velocity jumps if its mean changes by more than the first number times the 95 % quantile of all changes. The means
-# are over the second number of samples.
+# The mean velocities over `_MEAN_SAMPLES` samples before and after each sample are compared. The velocity jumps where
+# they differ by more than `_VELOCITY_JUMP` times the 95 % quantile of these differences.
 _VELOCITY_JUMP, _MEAN_SAMPLES = 3.0, 10
-# Share of samples in spikes above which nothing is removed, as they are not exceptions.
+# If a larger share of the samples is in spikes, nothing is removed, because the spikes are no exceptions.
 _LARGEST_BAD_SHARE = 0.01
 
 
@@ -60,7 +61,7 @@ def mended(recording: Recording, prismatic: Array) -> Recording:
 
 
 def mended_position(q: Float[Array, " N"]) -> Float[Array, " N"]:
-    """A measured position [rad] as `mended` leaves it: without whole turns, and without spikes and dropouts."""
+    """The measured position [rad] of one joint, repaired as in `mended`: without whole turns, spikes and dropouts."""
     unwrapped = whole_turns(np.ascontiguousarray(q))[0]
     return _without_spikes(unwrapped[:, None], np.array([_SMALLEST_ANGLE]))[0][:, 0]
 
@@ -101,11 +102,11 @@ def _unwrapped(recording: Recording, prismatic: Array) -> Recording:
 
 
 def whole_turns(q: Float[Array, " N"], turn: float = _TURN) -> tuple[Float[Array, " N"], Array]:
-    """A position [rad] without its jumps by whole turns, and the first sample after each jump.
+    """Positions of one joint without jumps by whole turns, and the index of the first sample after each jump.
 
     Args:
-        q: Positions.
-        turn: A whole turn in their unit.
+        q: Positions [rad, or another unit of ``turn``].
+        turn: A whole turn in the unit of ``q``.
     """
     steps = np.diff(q)
     turns = np.round(steps / turn)
@@ -118,7 +119,7 @@ def whole_turns(q: Float[Array, " N"], turn: float = _TURN) -> tuple[Float[Array
         neighbours = np.abs(steps[max(k - _NEIGHBOURS, 0) : k + _NEIGHBOURS + 1])
         ordinary = neighbours[neighbours < turn / 2]
         ordinary_step = float(ordinary.max()) if len(ordinary) > len(neighbours) / 2 else np.inf
-        # If neighbouring steps are large as well, the positions are noisy, and a jump says nothing.
+        # If neighbouring steps are large as well, the positions are noisy, and a jump does not show a turn.
         is_turn.append(
             remainders[k] <= min(largest_remainder, _LARGEST_STEPS * ordinary_step + 1e-3)
             and ordinary_step < largest_remainder
@@ -140,6 +141,7 @@ def spikes(x: Float[Array, " N"], least: float) -> list[tuple[int, int]]:
     threshold = max(least, _SPIKE_QUANTILES * float(np.percentile(steps, 99)))
     out: list[tuple[int, int]] = []
     for k in np.flatnonzero(steps > threshold) + 1:
+        # Steps within the last spike, and the step at its end, belong to that spike.
         if out and k < out[-1][1] + 1:
             continue
         jump = x[k] - x[k - 1]
@@ -152,10 +154,11 @@ def spikes(x: Float[Array, " N"], least: float) -> list[tuple[int, int]]:
 
 
 def _jumps_of_velocity(q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
-    """True beside samples at which the velocity of some joint jumps."""
+    """True within five samples of a sample at which the velocity of some joint jumps."""
     out = np.zeros(len(q), dtype=bool)
     if len(q) <= 2 * _MEAN_SAMPLES:
         return out
+    # The mean velocity after a sample minus that before the sample, times `_MEAN_SAMPLES` sample times.
     changes = np.abs(q[2 * _MEAN_SAMPLES :] - 2.0 * q[_MEAN_SAMPLES:-_MEAN_SAMPLES] + q[: -2 * _MEAN_SAMPLES])
     usual = np.percentile(changes, 95, axis=0)
     jumps = np.flatnonzero((changes > _VELOCITY_JUMP * np.maximum(usual, 1e-12)).any(axis=1)) + _MEAN_SAMPLES
@@ -167,12 +170,12 @@ def _jumps_of_velocity(q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
 def _without_spikes(
     x: Float[Array, "N nv"], least: Float[Array, " nv"], keep: Bool[Array, " N"] | None = None
 ) -> tuple[Array, list[list[tuple[int, int]]]]:
-    """Columns with spikes replaced by straight lines, and the spikes; a column with too many remains unchanged.
+    """Columns with spikes replaced by straight lines, and the spikes; a column with too many spikes is not changed.
 
     Args:
         x: Samples.
         least: Smallest size of a spike in each column.
-        keep: Samples that are always kept; None if there are none.
+        keep: True for samples that are never replaced; None if there are none.
     """
     out, spikes_by_column = x, []
     for j in range(x.shape[1]):
@@ -194,7 +197,10 @@ def _without_spikes(
 def _without_torques_in_spikes(
     recording: Recording, tau: Float[Array, "N nv"], q_spikes: list[list[tuple[int, int]]]
 ) -> Array:
-    """Torques; torques from voltages are interpolated over spikes of the position, to which the controller reacted."""
+    """Torques, of which those from voltages are interpolated over spikes of the position.
+
+    The controller reacted to the wrong position with a wrong voltage.
+    """
     out = tau
     for j, (joint, runs) in enumerate(zip(recording.joint_names, q_spikes, strict=True)):
         if not runs or recording.torque_from.get(joint) != "u":

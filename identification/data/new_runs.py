@@ -1,8 +1,8 @@
-"""Finds where a recording goes on with another run, so that nothing is computed across that row.
+"""Finds the rows of a recording at which another run begins, and excludes the jump to each of them.
 
-Where a user puts two runs into one file, the time goes on and the joints are elsewhere from one row to the next. An
-encoder that loses counts or starts anew is that of one joint: several joints jump in one row only where a run begins or
-rows are missing. Both are a break of the recording, as one in time is.
+If a user joins two runs in one file, the time continues without a gap, but the joints jump from one row to the next. An
+encoder that loses counts or restarts makes only one joint jump. So a jump of several joints in one row means that
+another run begins there, or that rows are missing. Such a jump is excluded like a gap in time.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from identification.data.recording import Recording, when
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import listed
 
-# A joint jumps if its step is this many times as large as the way that it could have gone at the largest speed of so
-# many rows before and after it.
+# A step of a joint is a jump if it is longer than `_JUMP` times the distance that the joint travels in the same time at
+# the largest speed of the `_BESIDE` rows before and after the step.
 _JUMP, _BESIDE = 6.0, 5
 # Smallest jump of an angle [rad] and of a length [m].
 _LEAST_ANGLE, _LEAST_LENGTH = 0.02, 0.002
 # Smallest number of joints that jump in one row where a run begins.
 _FEWEST_JOINTS = 2
-# Share of rows with a single large step from which on such steps are motions between two samples, or held readings.
+# If a larger share of rows has single large steps, these are fast motions or held readings, and no run begins there.
 _LARGEST_SHARE = 0.01
 
 
 def parted(recording: Recording, prismatic: Bool[Array, " nv"]) -> Recording:
-    """The recording with its rows at the beginnings of other runs excluded; a warning says where they are.
+    """The recording, from which each jump to another run is excluded; a warning says where these jumps are.
 
     Args:
-        recording: Raw samples, without turns of encoders.
+        recording: Raw samples, with whole turns of encoders unwrapped.
         prismatic: True for linear joints, shape ``(nv,)``.
     """
     t = recording.t
@@ -53,10 +53,10 @@ def parted(recording: Recording, prismatic: Bool[Array, " nv"]) -> Recording:
 
 
 def _jumping(t: Float[Array, " N"], q: Float[Array, "N nv"], least: Float[Array, " nv"]) -> Bool[Array, "N nv"]:
-    """True for joints that jump from the row before.
+    """True where a joint jumps from the row before, shape ``(N, nv)``.
 
-    Positions that repeat before a step may be readings that stalled: then the joint had the time of all these rows for
-    its way, at the speed with which it moves on.
+    If positions repeat before a step, the readings may have stalled while the joint moved. So the speed after the step
+    is multiplied by the whole time since the last change of a position.
 
     Args:
         t: Time [s].
@@ -67,17 +67,18 @@ def _jumping(t: Float[Array, " N"], q: Float[Array, "N nv"], least: Float[Array,
     steps = np.abs(np.diff(q, axis=0))
     durations = np.diff(t)
     speeds = steps / durations[:, None]
-    # The last step before each one with which some joint moves.
-    moved = np.maximum.accumulate(np.where((steps > 0).any(axis=1), np.arange(len(steps)), -1))
-    alone = (steps[1:-1] > least) & (speeds[1:-1] > _JUMP * np.maximum(speeds[:-2], speeds[2:]))
-    candidates = np.flatnonzero(np.count_nonzero(alone, axis=1) >= _FEWEST_JOINTS) + 1
+    # For each step, the index of the last step, up to this one, in which some joint moves.
+    last_moving = np.maximum.accumulate(np.where((steps > 0).any(axis=1), np.arange(len(steps)), -1))
+    # Steps much faster than the step before and the step after.
+    single = (steps[1:-1] > least) & (speeds[1:-1] > _JUMP * np.maximum(speeds[:-2], speeds[2:]))
+    candidates = np.flatnonzero(np.count_nonzero(single, axis=1) >= _FEWEST_JOINTS) + 1
     if len(candidates) > _LARGEST_SHARE * len(t):
         return out
     for k in candidates:
-        last = int(moved[k - 1])
+        last = int(last_moving[k - 1])
         before, after = speeds[max(last + 1 - _BESIDE, 0) : last + 1], speeds[k + 1 : k + 1 + _BESIDE]
         if len(before) < _BESIDE or len(after) < _BESIDE:
             continue
-        way = np.maximum(durations[k] * before.max(axis=0), (t[k + 1] - t[last + 1]) * after.max(axis=0))
-        out[k + 1] = steps[k] > np.maximum(_JUMP * way, least)
+        distance = np.maximum(durations[k] * before.max(axis=0), (t[k + 1] - t[last + 1]) * after.max(axis=0))
+        out[k + 1] = steps[k] > np.maximum(_JUMP * distance, least)
     return out

@@ -1,4 +1,4 @@
-"""Reads recordings: from a file, or from a table of columns, to a checked `Recording` of one robot."""
+"""Makes a checked `Recording` of one robot from a file or from a table of columns."""
 
 from __future__ import annotations
 
@@ -48,22 +48,22 @@ from phantom_dyn.motion import side_by_side
 
 # Largest deviation of a quaternion's length from one: it allows for rounding to three decimals.
 _UNIT = 2e-3
-# Excluded values farther from the median than this multiple of the farthest included value are interpolated.
+# Excluded values are interpolated if they are farther from the median than `_WILD` times the farthest included value.
 _WILD = 10.0
-# Quantity of each optional field of a recording.
+# Quantity of each optional field of a `Recording`, with which the names of its columns begin, as in ``i.<joint>``.
 _OPTIONAL = {"v": "v", "current": "i", "voltage": "u", "q_ref": "q_ref", "v_ref": "v_ref", "x": "x"}
 
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options for reading the files of recordings, see `read_recording`.
+    """Options of `read_recording` that are the same for several files.
 
     Attributes:
         columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of the references in a bag, if it is another one.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
         excluded: Intervals of time [s] to leave out of every fit.
-        anyway: True to judge a recording in spite of certain faults.
+        anyway: True to use a recording in spite of certain faults.
     """
 
     columns: str | Path | None = None
@@ -74,7 +74,7 @@ class ReadOptions:
 
 
 def _per_joint(table: Table, quantity: str, joints: Sequence[str]) -> Array | None:
-    """Columns of a quantity, shape ``(N, nv)``; None if no joint has one, NaN where a joint has none."""
+    """Columns of a quantity, ``(N, nv)``, NaN for joints without a column; None if no joint has a column."""
     if not any(f"{quantity}.{joint}" in table.columns for joint in joints):
         return None
     missing = np.full(len(table.columns["t"]), np.nan)
@@ -82,7 +82,7 @@ def _per_joint(table: Table, quantity: str, joints: Sequence[str]) -> Array | No
 
 
 def _complete(table: Table, quantity: str, joints: Sequence[str]) -> tuple[Array | None, tuple[str, ...]]:
-    """Columns of an optional quantity, and warnings: None with a warning if only some joints have a column."""
+    """Columns of an optional quantity, or None unless all joints have one; a warning if only some joints have one."""
     values = _per_joint(table, quantity, joints)
     lacking = [joint for joint in joints if f"{quantity}.{joint}" not in table.columns]
     if values is None or not lacking:
@@ -91,7 +91,7 @@ def _complete(table: Table, quantity: str, joints: Sequence[str]) -> tuple[Array
 
 
 def _of_frames(table: Table, quantity: str) -> dict[str, Array]:
-    """Forces, positions or orientations by frame, each ``(N, 3)`` or ``(N, 4)``, read-only."""
+    """Measured vectors ``(N, 3)`` or quaternions ``(N, 4)`` of one quantity by frame, read-only."""
     axes, start = FRAME_AXES[quantity], f"{quantity}."
     frames = dict.fromkeys(name[len(start) :].rpartition(".")[0] for name in table.columns if name.startswith(start))
     out = {}
@@ -134,7 +134,7 @@ def _poses(table: Table, robot: Robot) -> tuple[dict[str, Array], dict[str, Arra
 
 
 def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """The excluded intervals of time, after a check that they lie inside the log and leave enough rows."""
+    """The excluded intervals of time [s], after a check that they overlap the log and leave enough rows."""
     t = table.columns["t"]
     for start, stop in excluded:
         if not start < stop:
@@ -158,7 +158,7 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
 def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) -> Table:
     """The table without excluded rows at its ends, and with very large excluded values in between interpolated.
 
-    Later steps scale signals by their values, and excluded ones, as of a diverged simulation, may be huge.
+    Later steps scale signals by their values, and excluded values may be huge, for example in a diverged simulation.
     """
     if not excluded:
         return table
@@ -183,7 +183,7 @@ def _without_wild_rows(table: Table, excluded: Sequence[tuple[float, float]]) ->
 
 
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
-    """Warnings about unused columns, after a check that all joints are known and have a position.
+    """Warnings about unused columns, after a check that all columns are of known joints and all joints have positions.
 
     Raises:
         LogError: For a column of an unknown joint, and for a joint without position.
@@ -240,10 +240,10 @@ def recording(
         table: Columns under their standard names.
         robot: The robot with its joints, their order, and the constants of its drives.
         excluded: Intervals of time [s] to leave out of every fit.
-        torque_needed: False if only the motion is used: then ``tau`` may be None.
+        torque_needed: False if only the motion is used, so that the torque ``tau`` may be None.
 
     Returns:
-        The recording, read-only, with the warnings of the table; the values are not checked here.
+        The recording, read-only, with the warnings of the table; its values are not checked yet.
 
     Raises:
         LogError: For an unknown or missing joint, if there is no quantity to compute a torque from, for a torque that
@@ -334,10 +334,10 @@ def read_recording(
         robot: The robot that was recorded.
         columns: Column map (YAML) or the name of a built-in one, if the columns have other names or units.
         topic: Topic of joint states in a bag that has several.
-        ref_topic: Topic of the references in a bag, if it is another one.
+        ref_topic: Topic of the references in a bag, if it differs from that of the joint states.
         excluded: Intervals of time [s] to leave out of every fit.
         torque_needed: False if only the motion is used.
-        anyway: True to judge it in spite of certain faults.
+        anyway: True to use the recording in spite of certain faults.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
@@ -355,13 +355,13 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
     Args:
         found: The recording as read from the file.
         robot: The robot that was recorded.
-        anyway: True to judge it in spite of certain faults.
+        anyway: True to use the recording in spite of certain faults.
     """
-    if found.poses_alone:  # measured seconds or minutes apart: no motion that could be repaired or compared
+    if found.poses_alone:  # poses are measured seconds or minutes apart, so that there is no motion to repair or check
         return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)
     clock = slow_clock(found)
     if clock is not None and anyway:
-        # A motion of days cannot be simulated: the time is in the unit that such a clock usually has.
+        # Read in seconds, the motion would last for days and could not be simulated.
         found = replace(found, t=read_only(found.t * usual_clock(found)))
     found = without_unknown_torques(parted(mended(found, robot.prismatic), robot.prismatic), robot)
     # Closed chains come first: if they do not close, there is no model to compare with.
@@ -374,7 +374,7 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
 def unassigned_recording(table: Table) -> Recording:
     """A recording of all joints of a table, for checks without a robot.
 
-    A quantity other than the position is left out unless all joints have it.
+    A quantity other than the position is used only if all joints have a column of it.
     """
     joints = [name.removeprefix("q.") for name in table.columns if name.startswith("q.")]
     q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
@@ -395,5 +395,5 @@ def unassigned_recording(table: Table) -> Recording:
     )
     if found.poses_alone:
         return found
-    revolute = np.zeros(len(joints), dtype=bool)
-    return parted(mended(found, revolute), revolute)
+    prismatic = np.zeros(len(joints), dtype=bool)  # without a robot, all joints count as revolute
+    return parted(mended(found, prismatic), prismatic)

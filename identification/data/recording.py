@@ -42,7 +42,7 @@ class RawTable:
         documented_joint_orders: Sequences of joint names that the format's documentation gives for its numbered
             columns; empty if it gives none.
         named: Column of the file for each standard name in the user's column map; empty without a map.
-        references_held: True if the format says that a reference acts from its sample to the next.
+        references_held: True if the format says that a reference acts from its sample to the next one.
         late: Time [s] by which the torque of a joint was recorded late; the key ``""`` stands for all joints.
     """
 
@@ -71,15 +71,12 @@ class RawTable:
 class Table:
     """Columns of a file under their standard names (``t``, ``q.<joint>``, ...), before any robot is known.
 
+    The attributes that are not listed have the same meaning as in `RawTable`.
+
     Attributes:
         file: Name of the file, for messages.
         columns: One 1-D float array per column, all of the same length.
         warnings: Warnings from reading, such as dropped repeated rows.
-        compensated: As in `RawTable`.
-        low_pass: As in `RawTable`.
-        named: As in `RawTable`.
-        references_held: As in `RawTable`.
-        late: As in `RawTable`.
     """
 
     file: str
@@ -116,9 +113,9 @@ class Fault:
     """A certain error of a recording, with which a diagnosis would be meaningless.
 
     Attributes:
-        what: The end of a sentence, such as ``the positions of j1 and j2 are in degrees``.
+        what: The fault as a clause, such as ``the positions of j1 and j2 are in degrees``.
         why: The evidence, with figures.
-        mend: Advice on a correction; if a column map corrects the error, its entries are ready to copy.
+        mend: What to do about it; if a column map corrects the error, with the entries to copy into the map.
     """
 
     what: str
@@ -150,22 +147,22 @@ class Recording:
             position as well.
         excluded: Intervals of time [s] that are left out of every fit.
         warnings: Sentences about the data.
-        notes: What later stages of the diagnosis have to say about the recording.
+        notes: Notes of later stages of the diagnosis on the recording.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
         controlled: True if no torque was recorded, and ``tau`` is computed from the stated controllers.
         gains_estimated: Joints whose controllers were not stated, and whose gains were estimated from the motion.
         torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty if unknown.
         velocity_gain: Gain d [N m s/rad or N s/m], ``(nv,)``, of joints whose computed torque contains -d v (back-EMF,
-            velocity gain of a controller). That v was a finite difference of positions, so that -d v is computed again
+            velocity gain of a controller). This v is a finite difference of positions. Later, -d v is computed again
             from filtered positions. None if there is no such joint.
         loops: Estimated position controller of each drive, None if it has none; empty if not estimated.
         references_held: True if the format or the robot says that a reference acts from its sample to the next.
         reference_gain: Torque per unit of the reference [N m/rad or N/m] if ``tau`` was computed from references, zero
             for other joints, ``(nv,)``; None if there is no such joint.
         reference_torque_limit: Limit of the torque from references, ``(nv,)``; None if ``reference_gain`` is None.
-        friction_taken: Joints from whose torque a controller had subtracted friction: the model's friction is added
-            again once the velocities are known.
-        unread: Joints whose torque has rows that are no readings: their drive counts as unknown.
+        friction_taken: Joints from whose torque a controller had subtracted friction. The model's friction is added
+            when the velocities have been computed.
+        unread: Joints whose torque has rows that were not measured. Their drives count as unknown.
         wrong: Certain faults; a recording with one is refused, see `identification.data.refusal`.
         anyway: True if the recording is used in spite of certain faults.
         named: Column of the file for each standard name in the user's column map; empty without a map.

@@ -1,4 +1,4 @@
-"""Refuses recordings with certain faults, or words the faults as warnings if the user wants them judged anyway."""
+"""Refuses recordings with certain faults, or states the faults as warnings if the user wants a diagnosis anyway."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from phantom_dyn.errors import LogError
 
 
 def fault_sentence(file: str, fault: Fault) -> str:
-    """Sentence on a fault: what is wrong, the evidence, and what to do."""
+    """A sentence that states a fault, its evidence and what to do."""
     return f"{file}: {fault.what} ({fault.why}): {fault.mend}."
 
 
 def require_right(recordings: Iterable[Recording]) -> None:
-    """Raise an error for the first recording with a certain fault, unless the user wants it judged anyway.
+    """Raise an error for the first recording with a certain fault, unless the user wants a diagnosis anyway.
 
     Args:
         recordings: All recordings of a diagnosis.
@@ -25,8 +25,8 @@ def require_right(recordings: Iterable[Recording]) -> None:
     for recording in recordings:
         if recording.wrong and not recording.anyway:
             others = len(recording.wrong) - 1
-            them = "it" if others == 1 else "them"
-            more = f" ({others} more of this kind: phantom-dyn check tells {them})" if others else ""
+            pronoun = "it" if others == 1 else "them"
+            more = f" ({others} more of this kind: phantom-dyn check tells {pronoun})" if others else ""
             first_fault = fault_sentence(recording.file, recording.wrong[0]).removesuffix(".")
             raise LogError(f"{first_fault}; or judge it all the same with --anyway{more}.")
 

@@ -37,8 +37,8 @@ from phantom_dyn.signals.splines import interpolated
 # Positions [rad or m], torques [N m or N] and rate [Hz] of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 
-# Largest edge of the band as a share of the sample rate. At higher frequencies, a held torque, its mean over a sample
-# and its value at the sample's middle differ by more than a per cent, and recorders log either.
+# Largest edge of the band as a share of the sample rate. Recorders may log the held torque, its mean over a sample, or
+# its value at the middle of the sample. At higher frequencies these differ by more than a per cent.
 _HIGHEST = 0.06
 _WIDEST_HZ = 50.0  # largest edge of the band of logs
 # Samples after decimation per period of the band's edge: the smallest number without aliasing.
@@ -49,18 +49,18 @@ _FEWEST = 20
 # highest frequencies. A joint moves in about a third of the samples, and with these the gains of some fifty laws have
 # to be distinguished from chance.
 _ENOUGH = 300
-# A time step is a gap if it is longer than `_GAP_STEPS` median steps. If steps are uneven, the limit is `_GAP_STEPS`
-# times their quantile `_LONG_STEPS`, but at most `_GAP_PERIODS` periods of the band's edge.
+# A time step is a gap if it is longer than `_GAP_STEPS` median steps. If steps are uneven, the limit is higher:
+# `_GAP_STEPS` times the quantile `_LONG_STEPS` of the steps, but at most `_GAP_PERIODS` periods of the band's edge.
 _GAP_STEPS = 5
 _GAP_PERIODS = _GAP_STEPS * _HIGHEST
 _LONG_STEPS = 0.75
 
 
 def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N nv"], Float[Array, "N nv"], Array]:
-    """Time [s], positions, torques and validity of samples on a uniform grid with the recording's median step.
+    """Time [s], positions, torques and a mask of valid samples, on a uniform grid with the recording's median step.
 
-    Positions are interpolated by cubic splines, torques linearly. Samples in a gap of more than five steps or in an
-    excluded interval are not valid.
+    If the steps are uneven, positions are interpolated by cubic splines, and torques linearly. Samples in a gap of more
+    than five steps or in an excluded interval are not valid.
     """
     t = recording.t
     steps = np.diff(t)
@@ -86,8 +86,8 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
 def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple[float, float, float]:
     """Autocovariance at lags of 0, 1 and 2 grid steps of white noise of unit variance after linear interpolation.
 
-    Neighbours on the grid depend on the same readings, so that interpolation takes power from high frequencies. The sum
-    over all lags is the power density at frequency zero.
+    Neighbours on the grid are interpolated between the same readings. So their noise is correlated, and has less power
+    at high frequencies. The sum over all lags, positive and negative, is the power density at frequency zero.
 
     Args:
         t: Times of the readings [s].
@@ -96,15 +96,16 @@ def interpolated_noise(t: Float[Array, " M"], grid: Float[Array, " N"]) -> tuple
     if grid is t:
         return 1.0, 0.0, 0.0
     first = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)
-    late = np.clip((grid - t[first]) / (t[first + 1] - t[first]), 0.0, 1.0)
-    early = 1.0 - late
-    out = [float(np.mean(early**2 + late**2))]
+    # A value on the grid is a weighted mean of the readings `first` and `first + 1`.
+    of_second = np.clip((grid - t[first]) / (t[first + 1] - t[first]), 0.0, 1.0)
+    of_first = 1.0 - of_second
+    out = [float(np.mean(of_first**2 + of_second**2))]
     for step in (1, 2):
         distance = first[step:] - first[:-step]
-        same = early[:-step] * early[step:] + late[:-step] * late[step:]
-        out.append(
-            float(np.mean(np.where(distance == 0, same, np.where(distance == 1, late[:-step] * early[step:], 0.0))))
-        )
+        both_shared = of_first[:-step] * of_first[step:] + of_second[:-step] * of_second[step:]
+        one_shared = of_second[:-step] * of_first[step:]
+        covariance = np.where(distance == 0, both_shared, np.where(distance == 1, one_shared, 0.0))
+        out.append(float(np.mean(covariance)))
     return out[0], out[1], out[2]
 
 
@@ -120,8 +121,9 @@ def _valid(recording: Recording, t: Float[Array, " N"], longest: float) -> Bool[
 def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     """Torque that acts at the sample instants if ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``.
 
-    A held torque acts half a sample late and attenuated by ``sinc(f T)``. The mean of two neighbours has the same delay
-    and too much attenuation. With the weights -1, 13, 13, -1 over 24, both agree to fourth order in ``f T``.
+    A torque held over the sample time ``T`` acts half a sample late, and attenuated by ``sinc(f T)`` at the frequency
+    ``f``. The mean of two neighbours has the same delay and too much attenuation. The weights -1, 13, 13, -1 over 24
+    give the delay, and the attenuation to fourth order in ``f T``.
     """
     before = np.vstack([tau[:1], tau[:-1]])
     earlier = np.vstack([tau[:1], before[:-1]])
@@ -130,7 +132,7 @@ def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
 
 
 def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv"]:
-    """Torque of the drives: a commanded torque is clipped to the stated limits, a measured one is not changed."""
+    """Torque of the drives: commanded torque is clipped to the stated limits, measured torque is not changed."""
     if robot.torque_source != "command":
         return tau
     limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
@@ -138,7 +140,11 @@ def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv
 
 
 def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
-    """Hamming-windowed low pass of two periods of its edge to either side, decimated to 2.5 samples per period."""
+    """Hamming-windowed low pass, and decimation to at least 2.5 samples per period of its edge.
+
+    The kernel extends two periods of the edge to either side. Signals are not filtered if the edge is 0.4 times the
+    rate or more.
+    """
     if cutoff_hz >= 0.4 * rate_hz:
         return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
     half = int(np.ceil(2 * rate_hz / cutoff_hz))
@@ -159,7 +165,7 @@ def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Floa
 
 
 def narrowed(x: Float[Array, "n ..."], valid: Bool[Array, " n"], band: Band, cutoff_hz: float) -> Float[Array, "n ..."]:
-    """In-band samples ``x`` low-passed to a narrower band; the same object if ``band`` ends there already.
+    """Samples ``x`` of a band, low-passed to a narrower band; the same object if ``band`` is no wider than that.
 
     Each run of valid samples is filtered by itself, so that valid samples do not depend on interpolated values in gaps.
     Samples that are not valid become zero.
@@ -177,7 +183,7 @@ def narrowed(x: Float[Array, "n ..."], valid: Bool[Array, " n"], band: Band, cut
 
 
 def shortest_recording(band: Band) -> float:
-    """Length [s] below which a recording leaves too few samples in ``band`` for a fit."""
+    """Length [s] of the shortest recording that has enough decimated samples in ``band`` for a fit."""
     return (_FEWEST * band.step + 2 * band.half) / band.rate_hz
 
 
@@ -199,7 +205,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     if q_ref is not None and held_references:
         held = align_held_torque(q_ref)
         references = _references(recording, robot, t, q_ref, q, _on_grid(recording.t, differences(recording), t))
-        # The torque was computed with references that act without delay.
+        # The torque was computed as if each reference acted at its sample only. It is corrected for held references.
         tau = tau if references is None else tau + references.with_references(held)
         q_ref = held
     if robot.torque_hold == "zoh":
@@ -244,7 +250,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
 def holds_references(recording: Recording, robot: Robot) -> bool:
     """True if each reference is held until the next sample.
 
-    It is False if the torque is held, because the correction for that hold includes the one for references.
+    The result is False if the torque is held, because `align_held_torque` of the torque then corrects both holds.
     """
     stated = robot.reference_hold
     held = recording.references_held if stated is None else stated == "zoh"
@@ -252,7 +258,7 @@ def holds_references(recording: Recording, robot: Robot) -> bool:
 
 
 def differences(recording: Recording) -> Float[Array, "N nv"]:
-    """Velocities [rad/s or m/s] by differences of the recorded positions, not filtered."""
+    """Velocities [rad/s or m/s]: finite differences of the recorded positions, not filtered."""
     return np.gradient(recording.q, recording.t, axis=0)
 
 
@@ -264,8 +270,8 @@ def _references(
     if gain is None or limits is None:
         return None
     # A limit of the torque clips the controller's damping too. A limit of the voltage does not clip the back-EMF.
-    inside = recording.controlled & np.isinf([voltage_bound(actuator) for actuator in robot.actuators])
-    damping = np.zeros(len(gain)) if recording.velocity_gain is None else np.where(inside, recording.velocity_gain, 0.0)
+    clips = recording.controlled & np.isinf([voltage_bound(actuator) for actuator in robot.actuators])
+    damping = np.zeros(len(gain)) if recording.velocity_gain is None else np.where(clips, recording.velocity_gain, 0.0)
     commanded = gain * (q_ref - q) - damping * v
     if robot.torque_hold == "zoh":
         q_ref, commanded = align_held_torque(q_ref), align_held_torque(commanded)
@@ -282,18 +288,19 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     """Logs of several recordings, all in one band, and the edge [Hz] of the narrower band in which gaps are judged.
 
     `choose_cutoff` gives the edge of the judged band. The edge of the logs is up to four times as high (at most 50 Hz,
-    6 % of the rate, and the edge of the recorder's own filter). Abrupt effects such as friction have content there,
-    which a fit can use if it weights each frequency by its noise (whitening).
+    6 % of the rate, and the edge of the recorder's own filter). Abrupt effects such as friction have content between
+    the two edges. A fit can use this content if it weights each frequency by its noise (whitening).
     """
     raw = [uniform(recording) for recording in recordings]
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
     signals = [(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)]
-    # No recorder has smoothed a computed torque, and a position servo commands little torque at high frequencies.
+    # A recorder does not smooth a torque that is computed from references. This torque does not limit the judged band
+    # either, because a position servo commands little torque at high frequencies even where the robot moves.
     controlled = all(recording.controlled for recording in recordings)
-    smoothed = np.inf if controlled else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    recorder = np.inf if controlled else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     judged = _within_rate(_moving_edge(signals), signals) if controlled else choose_cutoff(signals)
-    wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
-    # The joints of legs are moved by contact forces as well as by drives.
+    wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), recorder))
+    # Legs are also moved by contact forces, so that `_driven_edge` does not apply to them.
     driven = (
         np.inf if controlled or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
     )
@@ -310,7 +317,7 @@ def _least_edge(recordings: tuple[Recording, ...]) -> float:
 
 
 def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
-    """Edge [Hz] above which motion is not caused by the drives: median of `driven_edge` over the joints.
+    """Edge [Hz] above which the drives do not cause the motion: median of `driven_edge` over the moving joints.
 
     Motion above this edge is caused by disturbances or encoder noise. Torque and acceleration have opposite signs
     there, so that a fit would find a negative inertia, or a delay.
@@ -327,22 +334,22 @@ def choose_cutoff(signals: list[Signals]) -> float:
     """Edge of the band [Hz] in which the signals are more than noise: the lower one of two frequencies.
 
     The first is the median, over moving joints, of the frequency up to which the acceleration is 10 dB above its noise
-    floor. The second is the frequency above which the torque has less than 1 % of its amplitude, as it has if the
-    recorder has smoothed it; a step of friction in the model still has content there.
+    floor. The second is the frequency above which the torque has less than 1 % of its amplitude. There the recorder has
+    smoothed the torque, so that steps of friction are missing in the measured torque but not in the modelled one.
     """
     torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     return _within_rate(min(_moving_edge(signals), torque), signals)
 
 
 def _within_rate(edge: float, signals: list[Signals]) -> float:
-    """The edge [Hz], limited to 1 Hz and `_HIGHEST` of the lowest sample rate."""
+    """The edge [Hz], but at least 1 Hz, and at most `_HIGHEST` times the lowest sample rate."""
     return float(np.clip(edge, 1.0, _HIGHEST * min(rate for *_, rate in signals)))
 
 
 def _moving_edge(signals: list[Signals]) -> float:
     """Median, over moving joints, of the frequency [Hz] up to which the acceleration is more than noise.
 
-    If no joint moves at frequencies that its spectrum resolves, slow motions are used. It is infinite without motion.
+    If the spectrum resolves the motion of no joint, `slow_motion_edge` is used. The result is infinite without motion.
     """
     for edge_of in (acceleration_edge, slow_motion_edge):
         moving = [edge_of(column, rate) for q, _, rate in signals for column in q.T]

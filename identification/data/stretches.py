@@ -14,17 +14,17 @@ from phantom_dyn.array_types import Array, Float, read_only
 LONGEST = 600.0
 """Longest recording [s] that is used as a whole."""
 _STRETCH, _COUNT = 20.0, 15  # length [s] and number of the stretches that are taken from a longer recording
-# Smallest number of samples of a stretch. The edge of the band is at most 6 % of the rate. Its filter needs two periods
-# of the edge, 33 samples, at either end, and the smallest fit needs another 133: a stretch has twice that number.
+# Smallest number of samples of a stretch. The edge of the band is at most 6 % of the rate, so its filter needs 33
+# samples (two periods of the edge) at either end, and the smallest fit needs 133 more. A stretch has twice their sum.
 _SAMPLES = 400
 
 
 def stretches(recording: Recording) -> tuple[Recording, ...]:
-    """The recording; of a long one, stretches spread over its whole length, mostly five minutes in total.
+    """The parts of a recording that are used: all of a short one, fifteen stretches of a long one.
 
-    The recording is cut into as many equal parts as there are stretches; from each part the stretch with most motion is
-    taken. A joint's motion is measured relative to its motion in the whole recording, so that joints that seldom move
-    count as much as the others.
+    A long recording is cut into fifteen equal parts, and the stretch of 20 s with the most motion is taken from each. A
+    joint's motion is measured relative to its motion in the whole recording, so that joints that seldom move count as
+    much as the others.
 
     Args:
         recording: Raw samples. Its warnings are kept with the first stretch only.
@@ -33,13 +33,14 @@ def stretches(recording: Recording) -> tuple[Recording, ...]:
         return (recording,)
     windows = _windows(recording)
     moved = _movement(recording, windows)
-    best = [few[np.argmax(moved[few])] for few in np.array_split(np.arange(len(windows)), _COUNT) if len(few)]
+    groups = np.array_split(np.arange(len(windows)), _COUNT)
+    best = [group[np.argmax(moved[group])] for group in groups if len(group)]
     parts = [part_of(recording, slice(*windows[k])) for k in best]
     return (parts[0], *(replace(part, warnings=(), notes=(), wrong=()) for part in parts[1:]))
 
 
 def busiest(recording: Recording) -> Recording:
-    """The recording; of a long one, the fifteen consecutive stretches in which the joints move most."""
+    """The recording; if it is long, only the fifteen consecutive stretches in which the joints move most."""
     if not is_long(recording):
         return recording
     windows = _windows(recording)
@@ -49,7 +50,7 @@ def busiest(recording: Recording) -> Recording:
 
 
 def is_long(recording: Recording) -> bool:
-    """True if only stretches of the recording are used."""
+    """True if the recording is so long that only stretches of it are used."""
     return bool(recording.t[-1] - recording.t[0] > LONGEST) and len(_windows(recording)) > _COUNT
 
 
@@ -62,7 +63,7 @@ def note_on_length(recording: Recording) -> str:
 
 
 def part_of(recording: Recording, rows: slice) -> Recording:
-    """The recording with some of its rows only."""
+    """The recording with only the given rows of all its series."""
 
     def some(x: Array | None) -> Array | None:
         return None if x is None else read_only(x[rows])
@@ -82,7 +83,7 @@ def part_of(recording: Recording, rows: slice) -> Recording:
         supply=some(recording.supply),
         forces={frame: read_only(force[rows]) for frame, force in recording.forces.items()},
         positions={frame: read_only(position[rows]) for frame, position in recording.positions.items()},
-        orientations={frame: read_only(turn[rows]) for frame, turn in recording.orientations.items()},
+        orientations={frame: read_only(orientation[rows]) for frame, orientation in recording.orientations.items()},
         passive_q={joint: read_only(q[rows]) for joint, q in recording.passive_q.items()},
         base=readings_at(recording.base, rows),
     )
@@ -109,7 +110,7 @@ def _movement(recording: Recording, windows: list[tuple[int, int]]) -> Float[Arr
     for column in recording.q.T:
         steps = np.diff(column, append=column[-1])
         np.abs(steps, out=steps)
-        steps[unused] = 0.0
+        steps[unused] = 0.0  # motion in excluded intervals does not count
         travel = np.array([steps[slice(*window)].sum() for window in windows])
         out += travel / max(float(travel.sum()), 1e-300)
     return out

@@ -1,6 +1,7 @@
 """Replaces the torque of joints whose drive torque is unknown by the model's torque.
 
-The recorded motion of these joints acts on the other joints. Their own torque has no residual then, and no fit uses it.
+Their recorded motion is still used, because it acts on the other joints. Their own residual becomes zero, so that it
+does not affect any fit.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ def unknown_drives(robot: Robot) -> Bool[Array, " nv"]:
 
 
 def without_unread_drives(robot: Robot, recordings: Iterable[Recording]) -> Robot:
-    """The robot with unknown drives of joints whose torque was not read in every row of all recordings.
+    """The robot, with the drives of joints marked as unknown whose torque was not read in some row of a recording.
 
     Raises:
         LogError: If no joint with a known torque is left.
@@ -40,7 +41,7 @@ def without_unread_drives(robot: Robot, recordings: Iterable[Recording]) -> Robo
 
 
 def with_unknown_drives(robot: Robot, joints: Container[str]) -> Robot:
-    """The robot with unknown drives on some joints."""
+    """The robot, with the drives of some joints marked as unknown."""
     actuators = tuple(
         replace(one, drive_known=one.drive_known and joint not in joints)
         for joint, one in zip(robot.joint_names, robot.actuators, strict=True)
@@ -49,7 +50,7 @@ def with_unknown_drives(robot: Robot, joints: Container[str]) -> Robot:
 
 
 def with_model_torque(robot: Robot, log: Log) -> Log:
-    """The log with the model's torque for unknown drives, and for joints that carry a contact while they do."""
+    """The log with the model's torque on joints with unknown drives, and on joints while a contact acts on them."""
     unknown = unknown_drives(robot) if log.touched is None else unknown_drives(robot) | log.touched
     if not unknown.any():
         return log
@@ -57,7 +58,7 @@ def with_model_torque(robot: Robot, log: Log) -> Log:
 
 
 def unknown_words(file: str, robot: Robot) -> tuple[str, ...]:
-    """One sentence on the joints of which only the motion is used; empty if there are no such joints."""
+    """One sentence that names the joints with unknown drives; empty if there are none."""
     names = [name for name, is_unknown in zip(robot.joint_names, unknown_drives(robot), strict=True) if is_unknown]
     if not names:
         return ()
