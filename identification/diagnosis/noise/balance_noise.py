@@ -1,9 +1,9 @@
-"""White noise of measured minus modelled torque, at frequencies above the band of the motion.
+"""Estimates the white noise of measured minus modelled torque, at frequencies above the band of the motion.
 
-It is noise of torque readings, or ripple of a drive that no column records: a command is exact, but the drive that
-follows it is not, and its ripple moves the robot. Above the band of the motion little else is white: jumps of friction,
-backlash and contacts are short, so the power is estimated by the median over the time in which the joint travels. The
-contribution of encoder noise is subtracted.
+This noise has two sources: noise of the torque readings, and torque ripple of a drive that does not follow its command
+exactly. Above the band of the motion, jumps of friction, backlash and contacts add power too, but only for short times.
+So the power is estimated by the median over the time in which the joint travels. The contribution of encoder noise is
+subtracted.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from phantom_dyn.random_streams import random_stream
 
 _TOP = 0.2  # highest frequency used, as a share of the rate: above, derivatives of a spline lose more than 2 %
 _RATIO = 2.0  # ratio of the ends of a sub-band; the filter of an octave rings for one period, a narrower one for longer
-# Distance to a stop or a reversal beyond which friction adds nothing, in periods of a sub-band's lower end.
+# Time before and after a stop or a reversal in which friction adds power, in periods of a sub-band's lowest frequency.
 _AROUND = 1.0
 _FEWEST = 40.0  # independent values in a sub-band: with fewer its power is uncertain by more than a third
 _OF_ENCODERS = 0.5  # largest share of a sub-band's power from encoder noise: beyond, the difference is too uncertain
@@ -35,10 +35,10 @@ _EFFICIENCY = 0.37  # efficiency of the median of squares relative to their mean
 # If torque noise is a smaller share of a sub-band's power than this, it may only be an error of the computed encoder
 # noise.
 _HIDDEN = 0.3
-# Where encoder noise hides the torque noise, this share of its largest possible power is assumed: a quarter of the
-# amplitude.
+# Where encoder noise hides the torque noise, the torque noise is assumed to have this share of its largest possible
+# power, which is a quarter of the amplitude.
 _BETWEEN = 1.0 / 16.0
-_STEEPEST = 2.0  # slope of noise behind a lag of first order, in powers of the frequency
+_STEEPEST = 2.0  # largest slope of noise that falls with frequency, as a power: that behind a first-order lag
 # At most this many sub-bands, those with the least power, are averaged. Motion and effects raise the others.
 _LOWEST = 2
 
@@ -61,19 +61,22 @@ class SubBand:
 
     @property
     def torque(self) -> float:
-        """Density without that from encoder noise [(N m)^2/Hz]."""
+        """Density that is not from encoder noise [(N m)^2/Hz]."""
         return self.whole - self.encoders
 
 
 def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
     """White noise of measured minus modelled torque [(N m)^2/Hz] and its interval; None without any sub-band.
 
-    White noise is in every sub-band. The value is the mean of the two with the least power where these agree, and else
-    the least power: more in the other one is no white noise, as at a resonance. Neither is it larger than the whole
-    power of a sub-band in which encoder noise dominates. The interval reaches from the least power to that of the
-    sub-band next to the motion, as the ripple of a drive may rise towards lower frequencies, each extended by the
-    uncertainty of a median. Where encoder noise dominates every sub-band, the interval reaches from nothing to the
-    uncertainty of the computed encoder noise, and the value is that of a quarter of the amplitude.
+    White noise has the same density in every sub-band, and other causes, such as a resonance, only add to it. So the
+    value is the mean density of the two sub-bands with the least density if these two agree, and the least density if
+    not. It is at most the whole density of any sub-band in which encoder noise dominates. The interval extends from the
+    least density to that of the sub-band next to the motion, because the ripple of a drive may rise towards lower
+    frequencies. Both ends include the uncertainty of a median.
+
+    If encoder noise dominates every sub-band, the upper end is the remaining density plus the uncertainty of the
+    computed encoder noise, and the lower end is zero. If the remaining density is within this uncertainty, the value
+    is a sixteenth of the upper end, which is a quarter of the amplitude.
 
     Args:
         bands: Power in each sub-band above the motion, from `balance_bands`.
@@ -84,61 +87,61 @@ def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
     if not bands:
         return None
     if not clear:
-        # A small difference may be an error of the encoder noise. No noise at all is the least likely of all sizes.
+        # A small remaining density may be an error of the computed encoder noise. But torque noise of zero is unlikely.
         least = min(hidden, key=lambda one: one.whole)
         most = max(least.torque, 0.0) + _HIDDEN * least.whole
         if least.torque > _HIDDEN * least.whole:
             return Density(least.torque, 0.0, most)
         return Density(_BETWEEN * most, 0.0, most, may_be_nothing=True)
     lowest = clear[:_LOWEST]
-    if lowest[-1].torque > lowest[0].torque * _reach(lowest, deviations) ** 2:
+    if lowest[-1].torque > lowest[0].torque * _error_factor(lowest, deviations) ** 2:
         lowest = clear[:1]
-    reach = _reach(lowest, deviations)
+    factor = _error_factor(lowest, deviations)
     value = min([float(np.mean([one.torque for one in lowest])), *(one.whole for one in hidden)])
     near_motion = min(clear, key=lambda one: one.centre).torque
     nearest = min(bands, key=lambda one: one.centre)
     near_motion = min(near_motion, nearest.whole) if nearest in hidden else near_motion
-    low = clear[0].torque / reach
-    return Density(value, low if low <= value else 0.0, max(value, near_motion) * reach)
+    low = clear[0].torque / factor
+    return Density(value, low if low <= value else 0.0, max(value, near_motion) * factor)
 
 
 def rising_density(bands: list[SubBand], judged_hz: float, lowest_hz: float, deviations: float) -> tuple[bool, float]:
-    """Whether noise rises towards the motion, and its mean density [(N m)^2/Hz] in the judged band if it does so there.
+    """Whether noise rises towards the motion, and an upper limit of its mean density in the judged band [(N m)^2/Hz].
 
-    The noise of a drive whose corner is below the sub-bands falls by the square of the frequency, and its density above
-    the motion does not show the corner. So the slope between the two sub-bands next to the motion is extended to the
-    lowest frequency that the recording holds. It rises if the slope is more than its uncertainty; the mean is that of
-    the steepest possible slope.
+    The noise of a drive falls with the square of the frequency above the drive's corner frequency. If this corner is
+    below the sub-bands, they do not show where the density stops rising. So the slope between the two sub-bands next to
+    the motion is extended to the lowest frequency of the recording. The noise rises if the slope is larger than its
+    uncertainty. The limit is computed with the steepest slope within the uncertainty.
 
     Args:
         bands: Power in each sub-band above the motion, from `balance_bands`; at least one.
         judged_hz: Edge of the band of the motion [Hz].
-        lowest_hz: The lowest frequency that the recording holds [Hz].
+        lowest_hz: Lowest frequency of the recording [Hz], one over its length.
         deviations: Half width of an interval in standard errors.
     """
     nearest = sorted(bands, key=lambda one: one.centre)[:2]
     first, rises, steepest = nearest[0], False, _STEEPEST
     if len(nearest) > 1 and not _is_hidden(first):
         second = nearest[1]
-        # Encoder noise may hide that of the torque in the second one, which is then at most the whole power.
+        # If encoder noise dominates the second sub-band, its torque noise is at most its whole density.
         beside = second.whole if _is_hidden(second) else second.torque
         rise = float(np.log(first.torque / max(beside, 1e-300)))
-        error = float(np.hypot(*(np.log(_reach([one], deviations)) for one in nearest)))
+        error = float(np.hypot(*(np.log(_error_factor([one], deviations)) for one in nearest)))
         rises = rise > error
         if not _is_hidden(second):
             steepest = min(max(rise + error, 0.0) / float(np.log(second.centre / first.centre)), _STEEPEST)
     f = np.geomspace(min(lowest_hz, judged_hz), judged_hz, 200)
     mean = float(np.trapezoid((first.centre / f) ** steepest, f)) / judged_hz
-    return rises, (first.whole if _is_hidden(first) else first.torque) * _reach([first], deviations) * mean
+    return rises, (first.whole if _is_hidden(first) else first.torque) * _error_factor([first], deviations) * mean
 
 
 def _is_hidden(band: SubBand) -> bool:
-    """True if most of a sub-band's power may be encoder noise."""
+    """True if at least half of a sub-band's power is encoder noise."""
     return band.encoders >= _OF_ENCODERS * band.whole
 
 
-def _reach(bands: list[SubBand], deviations: float) -> float:
-    """Factor by which the mean power of some sub-bands may be wrong, as each is a median."""
+def _error_factor(bands: list[SubBand], deviations: float) -> float:
+    """Factor by which the mean power of some sub-bands may be wrong, because each is estimated by a median."""
     return float(np.exp(deviations * np.sqrt(2.0 / (_EFFICIENCY * sum(one.count for one in bands)))))
 
 
@@ -159,35 +162,35 @@ def balance_bands(
     count = int(np.log(high / low) / np.log(_RATIO)) if high > low else 0
     if count < 1:
         return out
-    # Friction at the smooth velocity: sign changes by noise would add power to the band above the motion.
+    # Friction is modelled at the smooth velocity, because sign changes by noise would add power above the motion.
     raw = log.motion.q if log.raw_q is None else log.raw_q
     balance = log.tau - _rigid_torque(robot, log, raw) - modelled_friction(robot, log.motion)
     if log.external is not None:
         balance = balance + log.external
     noise = reading_errors(log, readings, random_stream("errors of readings above the band"))
     encoder_torque = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
-    # With known contacts (legged robots) the judged band is that of leg swings, and wide: sub-bands stay one octave, as
-    # encoder noise dominates all but the nearest frequencies.
+    # Sub-bands are widened to fill the range. For legged robots, with known contacts, they remain one octave wide: the
+    # judged band of leg swings is wide, and encoder noise dominates all frequencies except those next to it.
     step = (high / low) ** (1 / count) if log.touched is None else _RATIO
-    for a, b in pairwise(low * step ** np.arange(count + 1)):
-        whole, encoders = (band_passed(x, rate, a, b) for x in (balance, encoder_torque))
-        travels = _travels(log, _AROUND / a)
+    for lower, upper in pairwise(low * step ** np.arange(count + 1)):
+        whole, encoders = (band_passed(x, rate, lower, upper) for x in (balance, encoder_torque))
+        travels = _travels(log, _AROUND / lower)
         for j, bands in enumerate(out):
             use = travels[:, j]
-            values = float(2.0 * (b - a) * use.sum() / rate)
-            if values >= _FEWEST:
-                centre = float(np.sqrt(a * b))
-                width = (b - a) * float(log.noise_gain(np.array([centre]))[0])
+            independent = float(2.0 * (upper - lower) * use.sum() / rate)
+            if independent >= _FEWEST:
+                centre = float(np.sqrt(lower * upper))
+                width = (upper - lower) * float(log.noise_gain(np.array([centre]))[0])
                 # The median of the magnitudes of normal noise, times 1.4826, is its standard deviation.
                 power, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / width for x in (whole, encoders))
-                bands.append(SubBand(centre, power, own, values))
+                bands.append(SubBand(centre, power, own, independent))
     return out
 
 
 def reading_errors(
     log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
 ) -> Float[Array, "N nv"]:
-    """Errors of another reading of a log's smooth motion [rad or m]; zero for joints of unknown noise."""
+    """Random errors of position readings of a log's smooth motion [rad or m]; zero for joints of unknown noise."""
     q = log.motion.q
     return np.column_stack(
         [np.zeros(len(q)) if own is None else own.errors(q[:, j], rng) for j, own in enumerate(readings)]
@@ -195,14 +198,14 @@ def reading_errors(
 
 
 def band_passed(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float) -> Float[Array, "N nv"]:
-    """Part of a series between two frequencies, by a filter without delay and with smooth edges that hardly ring.
+    """Part of a series between two frequencies [Hz], by a filter without delay and with smooth edges that hardly ring.
 
-    White noise keeps the power that it has between the two.
+    The result is scaled so that white noise keeps the power that it has between the two frequencies.
     """
     f = np.fft.rfftfreq(len(x), 1.0 / rate_hz)
     width = 0.15 * (high - low)
     gain = 0.25 * (1.0 + np.tanh((f - low) / width)) * (1.0 - np.tanh((f - high) / width))
-    # Without the line from end to end: the jump at the ends would ring.
+    # The line from the first to the last sample is subtracted, because the jump from end to start would ring.
     line = x[0] + np.linspace(0.0, 1.0, len(x))[:, None] * (x[-1] - x[0])
     out = np.fft.irfft(np.fft.rfft(x - line, axis=0) * gain[:, None], len(x), axis=0)
     return out * np.sqrt((high - low) / (np.sum(gain**2) * f[1]))
@@ -216,7 +219,7 @@ def _rigid_torque(robot: Robot, log: Log, q: Float[Array, "N nv"]) -> Float[Arra
 
 
 def _travels(log: Log, seconds: float) -> Bool[Array, "N nv"]:
-    """True where a joint travels for so long before and after: not at rest, and near no reversal or contact."""
+    """True where a joint has no rest, reversal or contact within ``seconds`` before and after the sample."""
     speed = np.abs(log.motion.v)
     slow = standing_still(log) | (speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)) | ~log.valid[:, None]
     slow = slow if log.touched is None else slow | log.touched

@@ -1,8 +1,8 @@
-"""Variance of the noise from samples in which a joint moves: a standstill shows little of the noise of a torque.
+"""Estimates the variance of torque noise from samples in which the joint moves.
 
 A joint at standstill has any friction up to its breakaway torque, so its residual there may be many times its noise. In
-a recording that is mostly standstill, that residual would count as the noise, and friction that shows plainly in motion
-would be below it. Errors at reversals do count: they recur with the motion, and more of them do not average out.
+a recording that is mostly standstill, this residual would count as noise, and would hide friction that is plain in
+motion. Errors at reversals count as noise: they recur with the motion, so that they do not average out.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> 
     """Variance of the noise, in which samples with uncertain friction have a low weight.
 
     The weights depend on the variance (`noise_share`). Both are computed in turn, starting from the mean of all
-    samples, as long as enough samples have a fair weight.
+    samples, until the variance converges or too few samples have a large weight.
 
     Args:
         squares: Squared noise of each usable sample.
-        doubt: Variance of its friction at standstill.
+        doubt: Variance of the friction at standstill in each of these samples.
     """
     if not len(squares):
         return 0.0
     variance = float(np.mean(squares))
     for _ in range(_ROUNDS):
         weights = noise_share(variance, doubt) ** 2
+        # The effective number of samples is sum(w)^2 / sum(w^2).
         if weights.sum() ** 2 < rules.SURE_SHARE * len(squares) * (weights @ weights):
             break
         before, variance = variance, float(weights @ squares / max(weights.sum(), 1e-300))
@@ -47,23 +48,23 @@ def moving_variance(columns: Columns, noise: Sequence[Float[Array, " n"]], row: 
     """Variance of the noise of a row while its joint moves; above zero.
 
     Args:
-        columns: Which samples are usable, and the friction of standing joints.
+        columns: Usable samples, and the standard deviation of friction at standstill.
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
     use = [part[:, row] for part in columns.usable]
     doubt = [part[:, row] ** 2 for part in columns.standstill_std]
-    squares, beside = (
+    squares, doubts = (
         np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)
     )
-    return max(certain_variance(squares**2, beside), 1e-300)
+    return max(certain_variance(squares**2, doubts), 1e-300)
 
 
 def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> list[Float[Array, " n"]]:
-    """Square root of the weight of each sample of a row, for each log: one where the joint moves.
+    """Square root of the weight of each sample of a row, for each log; the weight is one where the joint moves.
 
     Args:
-        columns: Which samples are usable, and the friction of standing joints.
+        columns: Usable samples, and the standard deviation of friction at standstill.
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
@@ -71,15 +72,15 @@ def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int
 
 
 def roots_of_shares(columns: Columns, row: int, variance: float) -> list[Float[Array, " n"]]:
-    """`root_weights` at a given variance of the noise."""
+    """The result of `root_weights` for a given variance of the noise."""
     return [np.sqrt(noise_share(variance, part[:, row] ** 2)) for part in columns.standstill_std]
 
 
 def certain_samples(columns: Columns, log: int, row: int, variance: float) -> Bool[Array, " n"]:
-    """Usable samples at which friction at standstill is less uncertain than the torque is noisy.
+    """True for usable samples in which the variance of friction at standstill is less than that of the noise.
 
     Args:
-        columns: Usable samples, and the static friction at standstill.
+        columns: Usable samples, and the standard deviation of friction at standstill.
         log: Index of the log.
         row: Index of the row.
         variance: Variance of the noise of the row.

@@ -1,7 +1,7 @@
-"""Error that a model of the right form has on a class of drives: a share of the torque, and of friction at reversals.
+"""Expected error of a model without faults: a share of the torque, and a share of the friction at reversals.
 
-No law of friction and no torque constant is exact. How large their errors are depends on the drive, and is stated here
-by the source of the torque column; it is never estimated from the residual that it would explain.
+No law of friction and no torque constant is exact. The size of their errors depends on the drive. It is stated here for
+each source of the torque column, and never estimated from the residual, because it could then explain any residual.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.model.robot import Robot
 
-# Share of the torque that both parts together reach at most, a fifth of what an ordinary effect makes. The error of the
-# model that another recording has shown may be as large as such an effect.
+# Upper limit of both parts together, as a share of the torque: a fifth of the torque of an ordinary effect. An error
+# that an earlier diagnosis has found in another recording may be as large as an ordinary effect.
 MOST = 0.02
 
 
 @dataclass(frozen=True)
 class DriveClass:
-    """Error of the modelled torque for a drive without faults.
+    """Expected error of the modelled torque for a class of drives.
 
     Attributes:
-        of_torque: Share of the measured torque: derivatives, filters and torque constants are no better than this.
-        of_friction: Share of the modelled friction near reversals and while the joint creeps.
-        of_noise: Share of the measured torque that the drive may make by itself at random. No sensor shows it, and it
-            may lie in the band of the motion.
+        of_torque: Error from derivatives, filters and torque constants, as a share of the measured torque.
+        of_friction: Error near reversals and while the joint creeps, as a share of the modelled friction.
+        of_noise: Random torque of the drive itself, as a share of the measured torque. No sensor shows this torque, and
+            its frequencies may be in the band of the motion.
     """
 
     of_torque: float
@@ -38,9 +38,10 @@ class DriveClass:
     of_noise: float
 
 
-# By ``torque_source``: a command leaves out the errors of the drive and the gear, a current those of the gear; a torque
-# sensor includes both. The noise: repetitions of a motion differ by 1.0 % of the torque on EMPS, a good axis, and by
-# 3.4 to 6.3 % on an STS3250 servo with six loads (`benchmarks/noise_floor.py repeated` on their answers).
+# By ``torque_source``: a command does not contain the errors of drive and gear, a current does not contain those of the
+# gear, and a torque sensor measures both. The values of `of_noise` are based on repetitions of a motion: they differ by
+# 1.0 % of the torque on EMPS, a good axis, and by 3.4 to 6.3 % on an STS3250 servo with six loads
+# (`benchmarks/noise_floor.py repeated` on their answers).
 DRIVE_CLASSES = {
     "command": DriveClass(0.005, 0.1, of_noise=0.025),
     "current": DriveClass(0.005, 0.1, of_noise=0.025),
@@ -49,7 +50,7 @@ DRIVE_CLASSES = {
 
 
 def drive_noise(robot: Robot, torque: Float[Array, " nv"]) -> Float[Array, " nv"]:
-    """Torque that the drives may make by themselves at random, root mean square of each joint [N m or N], ``(nv,)``.
+    """Random torque of the drives themselves: root mean square of each joint [N m or N], ``(nv,)``.
 
     Args:
         robot: The given model, which states the source of its torques.
@@ -61,7 +62,7 @@ def drive_noise(robot: Robot, torque: Float[Array, " nv"]) -> Float[Array, " nv"
 def discrepancy(
     session: Session, usable: tuple[Float[Array, "n nv"], ...], torque: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
-    """Root mean square in the judged band by which a sound model may be wrong on each joint [N m or N], ``(nv,)``.
+    """Expected error of a model without faults in the judged band: rms of each joint [N m or N], ``(nv,)``.
 
     Args:
         session: Robot and recordings.
@@ -75,23 +76,26 @@ def discrepancy(
     )
     shown: Series = tuple(shown_error(session, k)[log.samples] for k, log in enumerate(session.logs))
     counts = np.maximum(sum(np.sum(weight, axis=0) for weight in usable), 1e-12)
-    of_friction, of_model = (
-        np.sqrt(sum(np.sum(weight * part**2, axis=0) for part, weight in zip(series, usable, strict=True)) / counts)
-        for series in (session.in_judged_band(friction), shown)
-    )
+
+    def weighted_rms(series: Series) -> Float[Array, " nv"]:
+        squares = sum(np.sum(weight * part**2, axis=0) for part, weight in zip(series, usable, strict=True))
+        return np.sqrt(squares / counts)
+
+    of_friction, of_model = weighted_rms(session.in_judged_band(friction)), weighted_rms(shown)
     of_drive = np.minimum(np.hypot(drive.of_torque * torque, drive.of_friction * of_friction), MOST * torque)
     return np.hypot(of_drive, np.minimum(of_model, rules.ORDINARY_SHARE * torque))
 
 
 def shown_error(session: Session, log: int) -> Float[Array, "N nv"]:
-    """Error of the model's torque (one sigma) in each sample of a log by an earlier diagnosis; zero without one."""
+    """Rms error of the model's torque in each sample of a log, from an earlier diagnosis; zero without one."""
     error = session.robot.model_error
     slow = slow_samples(session, log)
+    # For each joint, the errors near reversals and in faster motion.
     return np.zeros(slow.shape) if error is None else np.where(slow, error[:, 0], error[:, 1])
 
 
 def slow_samples(session: Session, log: int) -> Bool[Array, "N nv"]:
-    """Samples of a log near reversals and where a joint creeps."""
+    """True for samples of a log near reversals and where a joint creeps."""
     motion, rate = session.logs[log].motion, session.logs[log].band.rate_hz
     speed = np.abs(motion.v)
     slow = speed < rules.CREEPING_SPEED * np.percentile(speed, 99, axis=0)

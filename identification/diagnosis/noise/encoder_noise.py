@@ -40,16 +40,16 @@ _FINE = 1e-12
 
 @dataclass(frozen=True)
 class Coarse:
-    """A joint whose readings have larger steps than stated, or, where nothing is stated, than those of other joints.
+    """A joint whose readings have larger steps than stated, or than those of other joints if no step is stated.
 
     Attributes:
         row: Index of the joint.
         step: Step of the readings [rad or m].
         torque: For each log, the spurious in-band torque that rounding causes beyond what the expected step causes,
             ``(n, nv)``.
-        usual_low_pass: The same with the low pass of the positions that finer readings would get (`motion_edge`); that
-            for `torque` may end lower, because of the steps.
-        coarser: Result of the gate that found the steps larger.
+        usual_low_pass: The same torque with the low pass of finer readings (`motion_edge`). The low pass for ``torque``
+            may have a lower edge, because of the steps.
+        coarser: Result of the gate that compared the steps.
     """
 
     row: int
@@ -64,9 +64,9 @@ def simulated_log(log: Log, operation: Operation, steps: tuple[float | None, ...
 
     Args:
         log: A recording.
-        operation: Its motion, taken as the true one, and the model's torque.
-        steps: Step of each joint's readings. For a joint without one, the noise is the difference of raw and smooth
-            readings at another time.
+        operation: Motion of the log, taken as the true one, and the model's torque.
+        steps: Step of each joint's readings [rad or m]. For a joint without a step, the noise is the recorded one (raw
+            minus smooth readings), shifted in time.
         rng: Draws the zero of each encoder, and the shift in time.
     """
     motion, count = log.motion, len(log.motion.t)
@@ -102,17 +102,19 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
         if not coarser.passed:
             continue
         alone = tuple(step if k == j else _FINE for k in range(robot.nv))
-        # Only the rounding beyond that of the expected step counts: its variance is the difference of both.
+        # Only the rounding beyond that of the expected step counts. Its variance is the difference of the variances.
         share = float(np.sqrt(1.0 - min((expected / step) ** 2, 1.0)))
         pairs = tuple(zip(session.logs, columns.operations, strict=True))
-        torque = tuple(share * _rounding_torque(log, o, alone) for log, o in pairs)
-        usual = tuple(share * _rounding_torque(replace(log, position_edges=None), o, alone) for log, o in pairs)
+        torque = tuple(share * _rounding_torque(log, motion, alone) for log, motion in pairs)
+        usual = tuple(
+            share * _rounding_torque(replace(log, position_edges=None), motion, alone) for log, motion in pairs
+        )
         out.append(Coarse(j, step, torque, usual, coarser))
     return tuple(out)
 
 
 def _rounding_torque(log: Log, operation: Operation, steps: tuple[float | None, ...]) -> Float[Array, "n nv"]:
-    """Change of the modelled in-band torque if the motion of a log is read with such steps."""
+    """Change of the modelled in-band torque if the motion of a log is read with the given steps of the encoders."""
     rounded = simulated_log(log, operation, steps, random_stream("coarse readings")).motion
     return log.band(inverse_dynamics(operation.robot, rounded) - inverse_dynamics(operation.robot, log.motion))
 
@@ -138,7 +140,7 @@ class SimulatedRecordings:
 
 
 def simulated_recordings(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> SimulatedRecordings:
-    """Read the smooth motion of each recording again with new encoder noise, under the torque that the model needs.
+    """Simulated recordings: the smooth motion of each one with new encoder noise, and the torque that the model needs.
 
     Args:
         session: The recordings.
@@ -146,7 +148,8 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
         steps: Step of each joint's readings, from `coarsest_steps`.
     """
     rng = random_stream("readings with fresh noise")
-    logs = tuple(simulated_log(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
+    pairs = zip(session.logs, columns.operations, strict=True)
+    logs = tuple(simulated_log(log, operation, steps, rng) for log, operation in pairs)
     differences = Differences(tuple(operation.robot for operation in columns.operations))
     simulated = replace(session, logs=logs, differences=differences)
     # The measured torque is the model's torque for the true motion; the modelled torque is computed from the readings.
@@ -160,13 +163,13 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
     """Noise of each row: the estimate, or the noise of the encoders if the estimate is smaller.
 
-    The estimate comes from unrestricted fits. They explain encoder noise by columns with the same noise, and so
-    underestimate it.
+    The estimate comes from flexible fits. They explain encoder noise by columns with the same noise, so that the
+    estimate is too small.
 
     Args:
-        noise: The estimate.
-        encoders: Torque that the noise of the encoders causes.
-        usable: Samples that are used.
+        noise: The estimate, for each log ``(n, nv)``.
+        encoders: Torque that the noise of the encoders causes, for each log ``(n, nv)``.
+        usable: True for samples that are used.
     """
     smaller = squares_by_row(noise, usable) < squares_by_row(encoders, usable)
     return tuple(
@@ -188,7 +191,7 @@ def spurious_gains(
     problem = search.problem
     encoders = whitening_of(problem.columns, noise).series(simulated.residual)
     energy = float(squares_by_row(encoders, problem.columns.usable) @ problem.weights.per_sample)
-    # No effect can gain more than the energy of all noise.
+    # No effect can gain more than the weighted sum of squares of all noise.
     if energy < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.effect_joint for term in search.terms), 0.0)
     null = _null_problem(problem, simulated, noise)
@@ -207,7 +210,7 @@ def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Serie
     """
     columns, values = columns_by_log(simulated.session, problem.columns)
     filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
-    # One fold for all blocks that fits may see; blocks that none may see keep -1.
+    # All blocks that fits may see become one fold. Blocks that no fit may see keep -1.
     session = replace(problem.session, folds=np.minimum(problem.session.folds, 0))
     rows: tuple[RowGrams, ...] = ()
     for log in range(len(session.logs)):
@@ -221,15 +224,15 @@ def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Serie
 
 
 def _without_cores(row: RowGrams) -> RowGrams:
-    """Products of one row without those over the core of each block, which only held-out fits need."""
-    # Products come by fold, those of blocks that no fit may see last. A log with such blocks alone has no others: the
-    # products of its one fold are zero.
+    """Products of one row without those over the core of each block, because only held-out fits need these."""
+    # `row.a` has the products of each fold, and last those of the blocks that no fit may see. For a log with only such
+    # blocks, it has no fold: the products of the one fold are then zero.
     seen = row.a if len(row.a) > 1 else np.concatenate([np.zeros_like(row.a), row.a])
     return replace(row, a=seen.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
 
 
 def _added(first: RowGrams, second: RowGrams) -> RowGrams:
-    """Products of one row over the logs of both arguments."""
+    """Products of one row over the logs of both arguments together."""
     joined = {
         name: np.concatenate([getattr(first, name), getattr(second, name)])
         for name in ("b", "c", "core_a", "core_b", "core_c", "count")

@@ -19,60 +19,60 @@ from identification.engine.numerics.two_threads import in_two_threads
 from identification.engine.products.grams import Weights
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-# A flexible fit is made this many times, each time with weights from the error of the last fit. It is made only once if
-# the roots of all weights are above the second number.
+# Flexible fits are made `_WEIGHED` times, each time with weights from the error of the last fits. They are made only
+# once if the square roots of all weights are above `_EQUAL`.
 _WEIGHED, _EQUAL = 2, 0.95
 
 
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """Part of each joint's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
-    Each joint's residual is predicted by models from plain to flexible: the given model, then also laws of the motion,
-    then also the tolerance parameters and other linear laws, then all columns, then all columns with the
-    flexible features. The noise is the error of the best of them on held-out blocks: in a short recording, hundreds of
-    columns predict worse than twenty. A model that predicts a little of the large noise above the judged band may be
-    bad inside it, so the best model is chosen separately for the whole band and for the judged band.
+    Each joint's residual is predicted by five models, each with more features than the last: the given model alone,
+    laws of the motion, tolerance parameters and other linear laws, all columns, and all columns with random features.
+    The noise is the error of the best model on held-out blocks. A model with fewer features may be the best: in a short
+    recording, hundreds of columns predict worse than twenty. Most noise is above the judged band, and a model that
+    predicts a little of it may be bad inside the band. So the best model is chosen separately for both bands.
 
     Returns:
-        Error of the best predictor in the whole band, and error of the best one in the judged band.
+        Error of the best model in the whole band, and error of the best one in the judged band.
     """
 
     def unpredicted(j: int) -> tuple[list[Float[Array, " n"]], list[Float[Array, " n"]]]:
-        """Error of the best predictor of one row in the whole band, and of the best one in the judged band."""
-        use = [u[:, j] for u in columns.usable]
-        y = [np.where(u, r[:, j], 0.0) for r, u in zip(columns.residual, use, strict=True)]
+        """Error of the best model of one row in the whole band, and error of the best one in the judged band."""
+        use = [usable[:, j] for usable in columns.usable]
+        y = [np.where(u, residual[:, j], 0.0) for residual, u in zip(columns.residual, use, strict=True)]
         order, steps = _plain_first(columns, j)
         plain = [values[j][:, order] for values in columns.values]
         rich = [
             np.column_stack([x, state_features(columns, log, k, j)])
             for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
+        # Numbers of leading features in the models between the given model and the one with all features.
         first = (*steps, plain[0].shape[1])
         whole, judged = y, y
         for _ in range(_WEIGHED):
             roots = root_weights(columns, whole, j)
             whole, judged = y, y
-            least, least_judged = _weighted_rms(y, use, roots), _rms_in_judged_band(session, y, use, roots)
+            smallest, smallest_judged = _weighted_rms(y, use, roots), _rms_in_judged_band(session, y, use, roots)
             weighted_x = [x * root[:, None] for x, root in zip(rich, roots, strict=True)]
             weighted_y = [part * root for part, root in zip(y, roots, strict=True)]
             for predicted, _ in ridge_predictions(weighted_x, weighted_y, use, session.blocks, session.folds, first):
                 error = [
-                    np.where(u, given - p / root, 0.0)
-                    for u, given, p, root in zip(use, y, predicted, roots, strict=True)
+                    np.where(u, residual - weighted / root, 0.0)
+                    for u, residual, weighted, root in zip(use, y, predicted, roots, strict=True)
                 ]
-                left, left_judged = _weighted_rms(error, use, roots), _rms_in_judged_band(session, error, use, roots)
-                if left < least:
-                    whole, least = error, left
-                if left_judged < least_judged:
-                    judged, least_judged = error, left_judged
+                size, size_judged = _weighted_rms(error, use, roots), _rms_in_judged_band(session, error, use, roots)
+                if size < smallest:
+                    whole, smallest = error, size
+                if size_judged < smallest_judged:
+                    judged, smallest_judged = error, size_judged
             if min(float(root.min(initial=1.0)) for root in roots) > _EQUAL:
                 break
         return whole, judged
 
     rows = in_two_threads(unpredicted, range(len(columns.rows)))
-    whole, judged = (
-        tuple(np.column_stack(parts) for parts in zip(*(row[k] for row in rows), strict=True)) for k in (0, 1)
-    )
+    whole = tuple(np.column_stack(parts) for parts in zip(*(row[0] for row in rows), strict=True))
+    judged = tuple(np.column_stack(parts) for parts in zip(*(row[1] for row in rows), strict=True))
     return whole, judged
 
 
@@ -84,9 +84,9 @@ def quieter_in_band(
     Args:
         session: Recordings and their band.
         columns: Which samples are usable.
-        noise: The first estimate, with which the explanation was compared.
-        in_band: The other estimate, made to be best in the judged band.
-        least: Torque from encoder noise in the judged band; an estimate below it is not used.
+        noise: The first estimate, which is best in the whole band.
+        in_band: The second estimate, which is best in the judged band.
+        least: Torque from encoder noise in the judged band, rms [N m or N]. A second estimate below it is not used.
     """
     out = [part.copy() for part in noise]
     for j in range(len(columns.rows)):
@@ -105,15 +105,15 @@ def _rms_in_judged_band(
     use: Sequence[Bool[Array, " n"]],
     roots: Sequence[Float[Array, " n"]],
 ) -> float:
-    """Weighted root mean square of the usable samples of one row in the judged band."""
+    """Root mean square of the usable samples of one row in the judged band, each times the root of its weight."""
     return _weighted_rms([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use, roots)
 
 
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
-    """Order of a row's columns from plain to rich, and the numbers of columns in the first two of three steps.
+    """Order of a row's columns from plain to rich, and the numbers of columns up to the first and the second step.
 
-    First come laws whose columns depend only on the recorded motion, such as friction and couplings; then the
-    tolerance parameters and the other laws without a shape; then all others.
+    The first step has laws whose columns depend only on the recorded motion, such as friction and couplings. The second
+    step has the tolerance parameters and the other laws without a shape (a nonlinear parameter). All others come last.
     """
     step = dict.fromkeys(range(len(columns.tolerance_parameters)), 1)
     for term in columns.terms:
@@ -132,21 +132,21 @@ def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[in
 def weights_of(white: Columns, noise: Series) -> Weights:
     """Root mean square and autocorrelation time of each joint's noise after whitening.
 
-    A residual of exactly zero (a simulated robot without noise) would make a weight infinite, so a noise is at least a
-    millionth of the modelled torque.
+    A noise of exactly zero (a simulated robot without noise) would make a weight infinite. So the root mean square is
+    at least a millionth of the standard deviation of the modelled torque.
     """
     rows = len(white.rows)
     floor, spread = np.zeros(rows), np.ones(rows)
     for j in range(rows):
         parts = [e[:, j][u[:, j]] for e, u in zip(noise, white.usable, strict=True)]
-        drive = max(float(np.std(np.concatenate([t[:, j] for t in white.model_torque]))), 1e-12)
-        floor[j] = max(rms(parts), 1e-6 * drive)
+        torque = max(float(np.std(np.concatenate([t[:, j] for t in white.model_torque]))), 1e-12)
+        floor[j] = max(rms(parts), 1e-6 * torque)
         spread[j] = np.mean([autocorrelation_time(e) for e in parts])
     return Weights(floor, spread)
 
 
 def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Array, " nv"]:
-    """Noise floor of each joint in the judged band, above zero even where nothing was measured."""
+    """Noise floor of each joint in the judged band: root mean square [N m or N]; above zero even without any sample."""
     narrow, rows = session.in_judged_band(noise), range(len(columns.rows))
     own = [rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]) for j in rows]
     return np.maximum(own, least_noise(columns))
@@ -160,22 +160,22 @@ def _weighted_rms(
 
 
 def rms(parts: list[Float[Array, " n"]]) -> float:
-    """Root mean square over several series; zero if they are empty."""
+    """Root mean square of all values of several series; zero if they are empty."""
     joined = np.concatenate(parts)
     return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0
 
 
 def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tuple[Series, float]:
-    """Noise of each joint: the held-out residual of the chosen effects, if that is smaller than the given noise.
+    """Noise of each joint: the held-out residual of the chosen effects, if it is smaller than the given noise.
 
-    The given noise is the error of flexible fits, which overfit short recordings.
+    The given noise may be too large: it is the error of flexible fits, which overfit short recordings.
 
     Returns:
-        The noise, and the smallest ratio of new to old over the rows.
+        The noise, and the smallest ratio of new to old root mean square over the rows.
     """
     problem = search.problem
     residual = residual_after(problem, held_out_torque(problem, chosen, search.held_out_fit(chosen)))
-    left = [part.copy() for part in noise]
+    out = [part.copy() for part in noise]
     ratio = 1.0
     for j in range(len(problem.columns.rows)):
         use = [u[:, j] for u in problem.columns.usable]
@@ -185,38 +185,39 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
         if 0 < new < old:
             ratio = min(ratio, new / old)
             for k, r in enumerate(residual):
-                left[k][:, j] = np.where(use[k], r[:, j], 0.0)
-    return tuple(left), ratio
+                out[k][:, j] = np.where(use[k], r[:, j], 0.0)
+    return tuple(out), ratio
 
 
 def noise_without(
     search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: Series
 ) -> tuple[Series, float]:
-    """Noise without the trace of effects that are in ``tried`` but not in ``chosen``.
+    """Noise without the remainder of effects that are in ``tried`` but not in ``chosen``.
 
-    Flexible fits with many columns do not predict an effect in full on held-out blocks, and the remainder counts as
-    noise. The remainder is estimated as a share of the held-out prediction of the effect, by least squares on the
-    whitened noise.
+    Flexible fits with many columns do not predict an effect in full on held-out blocks, and the remainder of the effect
+    counts as noise. The remainder is estimated as a share of the held-out torque of the effect, by least squares on
+    the whitened noise.
 
     Returns:
-        The noise, and the decrease of its whitened, weighted square.
+        The noise, and the decrease of the weighted sum of squares of the whitened noise.
     """
     problem = search.problem
     with_it, without = (held_out_torque(problem, terms, search.held_out_fit(terms)) for terms in (tried, chosen))
-    trace = tuple(a - b for a, b in zip(with_it, without, strict=True))
+    effect = tuple(a - b for a, b in zip(with_it, without, strict=True))
     filters = whitening_of(problem.columns, noise)
-    white, white_trace = filters.series(noise), filters.series(trace)
-    left, gain = [part.copy() for part in noise], 0.0
+    white, white_effect = filters.series(noise), filters.series(effect)
+    out, gain = [part.copy() for part in noise], 0.0
     for j, weight in enumerate(problem.weights.per_sample):
         use = [usable[:, j] for usable in problem.white.usable]
         e, x = (
-            np.concatenate([part[u, j] for part, u in zip(series, use, strict=True)]) for series in (white, white_trace)
+            np.concatenate([part[u, j] for part, u in zip(series, use, strict=True)])
+            for series in (white, white_effect)
         )
         common, energy = float(x @ e), float(x @ x)
         if common <= 0:
             continue
         share = min(common / energy, 1.0)
         gain += weight * share * (2.0 * common - share * energy)
-        for part, own, usable in zip(left, trace, problem.columns.usable, strict=True):
-            part[:, j] -= share * np.where(usable[:, j], own[:, j], 0.0)
-    return tuple(left), gain
+        for part, torque, usable in zip(out, effect, problem.columns.usable, strict=True):
+            part[:, j] -= share * np.where(usable[:, j], torque[:, j], 0.0)
+    return tuple(out), gain

@@ -1,9 +1,9 @@
-"""Noise of position readings, from differences of neighbouring raw readings, in which the motion cancels.
+"""Estimates the noise of position readings from differences of neighbouring raw readings, in which the motion cancels.
 
-A reading is the position plus white noise of the sensor, rounded to the steps of the encoder. Where the joint moves
-many steps from sample to sample the rounding error is white too; where it moves slowly, the error follows the steps and
-has frequencies as low as those of the motion. So errors are simulated as new readings of the smooth motion, not as
-white noise.
+A reading is the position plus white noise of the sensor, rounded to the steps of the encoder. While the joint moves
+many steps from sample to sample, the rounding error is white too. While it moves slowly, the rounding error has
+frequencies as low as those of the motion. So errors are simulated as new readings of the smooth motion, not as white
+noise.
 """
 
 from __future__ import annotations
@@ -17,42 +17,43 @@ from identification.data.log import Log
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
 
-_ORDERS = (2, 3, 4, 6)  # orders of differences: each removes more of the motion; the smallest estimate is taken
-_FEWEST = 50  # smallest number of readings: fewer say little about a joint
-# If rounding to the supposed step would make differences more than this many times those seen, the step is wrong.
+_ORDERS = (2, 3, 4, 6)  # orders of differences: a higher one removes more of the motion; the smallest result is taken
+_FEWEST = 50  # smallest number of readings from which a noise is estimated
+# A step is wrong if the differences of readings would be more than this many times as large after rounding to it.
 _COARSER = 1.5
 
 
 @dataclass(frozen=True)
 class ReadingNoise:
-    """How the position of a joint is read.
+    """Noise and rounding with which the position of a joint is read.
 
     Attributes:
-        white: Standard deviation of the noise before rounding [rad or m].
-        step: Step of the readings [rad or m]; zero where they have none.
+        white: Standard deviation of the white noise before rounding [rad or m].
+        step: Step of the readings [rad or m]; zero if they are not rounded.
     """
 
     white: float
     step: float
 
     def errors(self, q: Float[Array, " N"], rng: np.random.Generator) -> Float[Array, " N"]:
-        """Errors of one more reading of the positions ``q`` [rad or m], shape ``(N,)``.
+        """Random errors of readings of the positions ``q`` [rad or m], shape ``(N,)``.
 
         Args:
-            q: True positions.
-            rng: Draws the noise, and the start of the lattice.
+            q: True positions [rad or m].
+            rng: Draws the noise, and the zero of the encoder.
         """
         error = self.white * rng.normal(size=len(q))
         if self.step == 0.0:
             return error
-        start = rng.uniform(0.0, self.step)
-        return np.round((q + error - start) / self.step) * self.step + start - q
+        zero = rng.uniform(0.0, self.step)
+        return np.round((q + error - zero) / self.step) * self.step + zero - q
 
 
 def reading_noise(log: Log, row: int) -> ReadingNoise | None:
     """Noise of a joint's position readings in a log; None without raw readings.
 
-    The white part is the power of the readings' differences beyond that of the smooth motion rounded to the same steps.
+    The white noise is computed from the power of the readings' differences, minus that of the smooth motion after
+    rounding to the same steps.
 
     Args:
         log: A recording at its full rate.
@@ -66,22 +67,23 @@ def reading_noise(log: Log, row: int) -> ReadingNoise | None:
     rounding = ReadingNoise(0.0, step).errors(smooth, random_stream("rounding of a smooth motion"))
     rounded = white_part(smooth + rounding, log.valid)
     if rounded > _COARSER * seen:
-        # The supposed step is too coarse for these readings: the few levels of a joint at rest fit any step.
+        # The step is too coarse for these readings. A joint at rest has so few levels that they fit any step.
         return ReadingNoise(seen, 0.0)
     return ReadingNoise(float(np.sqrt(max(seen**2 - rounded**2, 0.0))), float(step))
 
 
 def white_part(readings: Float[Array, " N"], valid: Bool[Array, " N"]) -> float:
-    """Standard deviation of white noise with differences as large as those of the readings.
+    """Standard deviation of white noise whose differences are as large as those of the readings.
 
     Args:
-        readings: Readings of a smooth motion.
+        readings: Readings of a smooth motion [rad or m].
         valid: False where a reading must not be used.
     """
     out = []
     for order in _ORDERS:
-        whole = np.convolve(~valid, np.ones(order + 1), mode="valid") == 0
-        change = np.diff(readings, order)[whole]
+        all_valid = np.convolve(~valid, np.ones(order + 1), mode="valid") == 0
+        change = np.diff(readings, order)[all_valid]
         if len(change):
+            # The difference of order n of white noise has comb(2 n, n) times its variance.
             out.append(float(np.sqrt(np.mean(change**2) / comb(2 * order, order))))
     return min(out, default=0.0)

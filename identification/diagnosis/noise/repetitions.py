@@ -1,4 +1,4 @@
-"""Noise from repetitions of a motion: between these the torque residual differs by noise alone."""
+"""Estimates noise from repetitions of a motion, between which the torque residual differs by noise alone."""
 
 from __future__ import annotations
 
@@ -17,22 +17,24 @@ from identification.engine.autocorrelation import autocorrelation_time
 from phantom_dyn.array_types import Array, Bool, Float
 
 _MOST = 6  # largest number of repetitions compared for a pair of recordings
-# Two stretches are different motions if the energy of their velocities' difference exceeds this share of their own.
+# Two stretches are different motions if the sum of squares of the difference of their velocities exceeds this share of
+# the sum of squares of both velocities.
 _UNLIKE = 0.5
-_LEAST_OVERLAP = 0.1  # smallest energy of a common stretch, as a share of the shorter recording's
+# Smallest sum of squares of the velocities in two overlapping stretches, as a share of that of the weaker recording.
+_LEAST_OVERLAP = 0.1
 _WINDOW = 0.5  # time [s] over which two stretches have to agree
 _SLOW = 0.01  # a joint whose velocity is below this share of the fastest joint's is not compared
 _LEAST = 20.0  # smallest number of independent differences: with fewer the noise is uncertain by more than a sixth
 # A drive with a loose controller repeats its motion to some per cent only. Two such motions are compared if their
-# velocities differ by less than the first share. The model's error then differs between them too: the comparison counts
-# only if that difference is less than the second share of the estimated noise.
+# velocities differ by at most the share `_LOOSELY`. The error of the model differs between them, too. So the comparison
+# counts only if this difference is less than the share `_OF_MODEL` of the estimated noise.
 _LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
 _PLACES = 41  # number of offsets within two samples that are tried
 
 
 @dataclass(frozen=True)
 class Repeated:
-    """Root mean square of the part of one joint's torque that does not repeat.
+    """Estimated noise of one joint's torque: root mean square of the part that does not repeat.
 
     Attributes:
         value: The estimate [N m or N].
@@ -48,24 +50,24 @@ def repeated_noise(
 ) -> tuple[Repeated | None, ...]:
     """Noise of each joint's torque in the judged band; None for a joint whose motion does not repeat.
 
-    Half the mean square of the difference between two repetitions is the variance of the part that does not repeat. A
-    model's error repeats with the motion and cancels, noise of the sensors does not. Recordings with known differences
-    in load, controller or surroundings are not compared with each other.
+    Half the mean square of the difference between two repetitions is the variance of the noise. The error of a model
+    repeats with the motion and cancels, noise of the sensors does not. Recordings with known differences in load,
+    controller or surroundings are not compared with each other.
 
     Args:
         session: Recordings and their band.
         residual: Residual of an explanation for each log, in the judged band.
         usable: True for samples that are used, for each log.
-        counts: Weight of each sample where motions repeat loosely; None if such motions are not compared.
+        counts: Weight of each sample for motions that repeat only loosely; None if such motions are not compared.
     """
     rows = len(session.robot.joint_names)
     differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     for first, second, lag in repetitions(session):
-        a, b = _overlap(len(residual[first]), len(residual[second]), lag)
-        agree = _same_motion(session.logs[first], a, session.logs[second], b)
+        part, other = _overlap(len(residual[first]), len(residual[second]), lag)
+        agree = _same_motion(session.logs[first], part, session.logs[second], other)
         for j in range(rows):
-            use = agree & usable[first][a, j] & usable[second][b, j]
-            differences[j].append((residual[first][a, j] - residual[second][b, j], use.astype(float)))
+            use = agree & usable[first][part, j] & usable[second][other, j]
+            differences[j].append((residual[first][part, j] - residual[second][other, j], use.astype(float)))
     strictly = [_repeated(parts) for parts in differences]
     if counts is None or all(one is not None for one in strictly):
         return tuple(strictly)
@@ -74,21 +76,24 @@ def repeated_noise(
 
 
 def _loosely_repeated(session: Session, residual: Series, counts: Series) -> list[Repeated | None]:
-    """Noise of each joint from recordings of one reference whose motions agree to some per cent."""
+    """Noise of each joint from recordings of the same reference, whose motions agree to some per cent; else None."""
     rows, logs = len(session.robot.joint_names), session.logs
+    if session.differences != ALIKE:
+        return [None] * rows
     differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     of_model = np.zeros(rows)
-    left = np.sqrt(np.mean(np.concatenate(residual) ** 2, axis=0))
-    for first, second in combinations(range(len(logs) if session.differences == ALIKE else 0), 2):
+    residual_rms = np.sqrt(np.mean(np.concatenate(residual) ** 2, axis=0))
+    for first, second in combinations(range(len(logs)), 2):
         found = _aligned(logs[first], logs[second])
         if found is None:
             continue
-        mine, theirs, agree, unlike = found
-        other = _interpolated(residual[second], theirs)
-        weight = agree[:, None] * counts[first][mine] * _interpolated(counts[second], theirs)
-        of_model = np.maximum(of_model, unlike * left)
+        samples, places, agree, unlike = found
+        other = _interpolated(residual[second], places)
+        weight = agree[:, None] * counts[first][samples] * _interpolated(counts[second], places)
+        # The error of the model is part of the residual, and differs by about the same share as the motions.
+        of_model = np.maximum(of_model, unlike * residual_rms)
         for j in range(rows):
-            differences[j].append((residual[first][mine, j] - other[:, j], weight[:, j]))
+            differences[j].append((residual[first][samples, j] - other[:, j], weight[:, j]))
     out = [_repeated(parts) for parts in differences]
     return [
         one if one is not None and most < _OF_MODEL * one.value else None
@@ -97,32 +102,37 @@ def _loosely_repeated(session: Session, residual: Series, counts: Series) -> lis
 
 
 def _aligned(first: Log, second: Log) -> tuple[Array, Array, Array, float] | None:
-    """Two logs aligned: samples of the first, their places in the second, where both agree, and how they differ.
+    """Alignment of two logs that begin at about the same time; None if their motions differ.
 
-    The logs begin at about the same time, but between two samples and with another clock. None if the motions differ.
+    The samples of the second log are at times between those of the first, and its rate may be different.
+
+    Returns:
+        Indices of samples of the first log; their places in the second log, as indices with fractions; True where both
+        motions agree; and the relative difference of the velocities, as a root mean square.
     """
     rates = first.band.output_rate_hz, second.band.output_rate_hz
     v, w = _velocity(first), _velocity(second)
     usual = _usual_velocity(v, w)
     moves = usual > _SLOW * usual.max()
+    # Smallest relative difference of the velocities, and its shift in samples of the second log.
     best = (np.inf, 0.0)
-    at = np.arange(len(v)) * rates[1] / rates[0]
+    places = np.arange(len(v)) * rates[1] / rates[0]
     for shift in np.linspace(-1.0, 1.0, _PLACES):
-        inside = (at + shift >= 0) & (at + shift <= len(w) - 1)
-        other = _interpolated(w, (at + shift)[inside])
+        inside = (places + shift >= 0) & (places + shift <= len(w) - 1)
+        other = _interpolated(w, (places + shift)[inside])
         unlike = float(np.sqrt(np.mean(((v[inside] - other)[:, moves] / usual[moves]) ** 2)))
         best = min(best, (unlike, float(shift)))
     if best[0] > _LOOSELY:
         return None
-    inside = (at + best[1] >= 0) & (at + best[1] <= len(w) - 1)
-    mine, theirs = np.flatnonzero(inside), (at + best[1])[inside]
-    q, p = first.motion.q[first.samples][mine], _interpolated(second.motion.q[second.samples], theirs)
-    difference = _difference(q, p, v[mine] - _interpolated(w, theirs), usual, rates[0])
-    return mine, theirs, difference < _LOOSELY**2, best[0]
+    inside = (places + best[1] >= 0) & (places + best[1] <= len(w) - 1)
+    samples, places = np.flatnonzero(inside), (places + best[1])[inside]
+    q, p = first.motion.q[first.samples][samples], _interpolated(second.motion.q[second.samples], places)
+    difference = _difference(q, p, v[samples] - _interpolated(w, places), usual, rates[0])
+    return samples, places, difference < _LOOSELY**2, best[0]
 
 
 def _interpolated(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m k"]:
-    """A series at times between its samples, by the cubic through four of them."""
+    """A series at indices with fractions, by the cubic polynomial through the four nearest samples."""
     k = np.clip(np.floor(at).astype(int), 1, len(x) - 3)
     u = (at - k)[:, None]
     a, b, c, d = (x[k + shift] for shift in (-1, 0, 1, 2))
@@ -135,12 +145,13 @@ def _interpolated(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array
 
 
 def _repeated(parts: list[tuple[Array, Array]]) -> Repeated | None:
-    """Noise of one repetition, from differences of two and their weights; None with too few of them."""
+    """Noise of one repetition, from differences of two and their weights; None with too few independent differences."""
     independent, squares, count = 0.0, 0.0, 0.0
     for difference, weight in parts:
         used = weight > 0
         if used.sum() > 1:
             own = weight[used]
+            # Unequal weights and autocorrelation both reduce the number of independent differences.
             independent += float(own.sum() ** 2 / np.sum(own**2)) / autocorrelation_time(difference[used])
             squares, count = squares + float(own @ difference[used] ** 2), count + float(own.sum())
     if independent < _LEAST:
@@ -173,18 +184,22 @@ def _lags(first: Log, second: Log, *, same_recording: bool) -> list[int]:
     v, w = _velocity(first), _velocity(second)
     scale = np.maximum(_usual_velocity(v, w), 1e-12)
     v, w = v / scale, w / scale
-    common = np.sum([_correlation(w[:, j], v[:, j]) for j in range(v.shape[1])], axis=0)
+    # For each lag, `unlike` is sum |v - w|^2 / sum (|v|^2 + |w|^2) over the overlap: 0 for equal motions, about 1 for
+    # unrelated ones.
+    products = np.sum([_correlation(w[:, j], v[:, j]) for j in range(v.shape[1])], axis=0)
     lags = np.arange(-(len(v) - 1), len(w))
-    power = [np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (v, w)]
+    cumulated = [np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (v, w)]
     starts = np.maximum(0, -lags), np.maximum(0, lags)
     length = np.minimum(len(v) - starts[0], len(w) - starts[1])
-    energy = np.sum([p[s + length] - p[s] for p, s in zip(power, starts, strict=True)], axis=0)
-    enough = energy > 2.0 * _LEAST_OVERLAP * min(p[-1] for p in power)
-    unlike = np.where(enough, 1.0 - 2.0 * common / np.maximum(energy, 1e-300), 1.0)
+    squares = np.sum([total[s + length] - total[s] for total, s in zip(cumulated, starts, strict=True)], axis=0)
+    enough = squares > 2.0 * _LEAST_OVERLAP * min(total[-1] for total in cumulated)
+    unlike = np.where(enough, 1.0 - 2.0 * products / np.maximum(squares, 1e-300), 1.0)
     if same_recording:
-        # A recording also resembles itself at a small shift.
+        # A recording resembles itself at small lags without a repetition. So only lags beyond the first one at which it
+        # is unlike itself are used.
         far = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
         unlike = np.where(lags < (lags[far[0]] if len(far) else np.inf), 1.0, unlike)
+    # The lags at local minima of `unlike`.
     around = np.pad(unlike, 1, constant_values=1.0)
     best = np.flatnonzero((unlike < around[:-2]) & (unlike <= around[2:]) & (unlike <= _UNLIKE))
     best = sorted(best, key=lambda k: unlike[k])[:_MOST]
@@ -199,17 +214,17 @@ def _correlation(w: Float[Array, " m"], v: Float[Array, " n"]) -> Float[Array, "
 
 
 def _overlap(first: int, second: int, lag: int) -> tuple[slice, slice]:
-    """Overlapping samples of two logs at a given shift."""
+    """Samples of the first and of the second log that overlap if the second motion is later by ``lag`` samples."""
     start = max(0, -lag)
     length = min(first - start, second - start - lag)
     return slice(start, start + length), slice(start + lag, start + lag + length)
 
 
-def _same_motion(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
+def _same_motion(first: Log, part: slice, second: Log, other: slice) -> Bool[Array, " n"]:
     """True where two stretches are the same motion: every joint has the same position and velocity."""
     v, w = _velocity(first), _velocity(second)
-    q, p = first.motion.q[first.samples][a], second.motion.q[second.samples][b]
-    return _difference(q, p, v[a] - w[b], _usual_velocity(v, w), first.band.output_rate_hz) < rules.REPEATED**2
+    q, p = first.motion.q[first.samples][part], second.motion.q[second.samples][other]
+    return _difference(q, p, v[part] - w[other], _usual_velocity(v, w), first.band.output_rate_hz) < rules.REPEATED**2
 
 
 def _difference(
@@ -218,9 +233,9 @@ def _difference(
     """Squared relative difference of two stretches in the joint that differs most, averaged over a window.
 
     Args:
-        q: Positions of the first; differences of positions are relative to its travel.
-        p: Positions of the second.
-        dv: Difference of the velocities.
+        q: Positions of the first stretch [rad or m]. Differences of positions are relative to the travel in it.
+        p: Positions of the second stretch [rad or m].
+        dv: Difference of the velocities [rad/s or m/s].
         usual: Usual velocity of each joint, to which ``dv`` is relative. Joints that are nearly still are not compared.
         rate: Samples per second [Hz].
     """

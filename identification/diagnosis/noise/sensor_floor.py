@@ -1,10 +1,10 @@
-"""Noise floor of each joint from its sensors: their noise, propagated to the torque in the judged band.
+"""Noise floor of each joint: the noise of its sensors, propagated to the torque in the judged band.
 
-New encoder noise is drawn for the smooth motion and goes through derivatives, model and filters. The noise of the
-torque is taken as white; its density is that of the readings or, if the torque is a command, that of the measured minus
-the modelled torque (the torque balance). Where this rises towards the motion the noise is not white, and may be larger
-in the band than above it: then the sensors show only how large it may be. No fit of a model and no flexible predictor
-is used, because a torque that these do not predict need not be noise.
+New encoder noise is drawn for the smooth motion and propagated through derivatives, model and filters. The noise of the
+torque is assumed to be white. Its density is that of the torque readings or, if the torque is a command, that of the
+measured minus the modelled torque (the torque balance). If the density of the balance rises towards the band of the
+motion, the noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. No
+fitted model and no flexible predictor is used, because a torque that these do not predict need not be noise.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ from phantom_dyn.random_streams import random_stream
 Readings = tuple[tuple[ReadingNoise | None, ...], ...]
 
 _DENSITY_UNCERTAINTY = 1.25  # largest factor between estimated and true density (benchmarks/noise_floor.py)
-_DRAWS = 4  # number of draws of reading errors: with one draw, their torque in a narrow band is uncertain by a tenth
+_DRAWS = 4  # number of draws of reading errors: with one, their rms torque in a narrow band is uncertain by a tenth
 
 
 @dataclass(frozen=True)
 class SensorFloor:
-    """Noise of each joint's torque in the judged band from its sensors, NaN where the recording does not show it.
+    """Noise of each joint's torque in the judged band from its sensors: root mean squares [N m or N], ``(nv,)`` each.
 
     Attributes:
-        value: Root mean square [N m or N], ``(nv,)``.
-        low, high: Its interval, ``(nv,)``.
-        torque: The part of the torque readings or of the drive, ``(nv,)``.
-        encoders: The part of the position readings, ``(nv,)``.
-        rising: Largest noise of a joint, if it is not white and its density rises on in the band; zero if it is white,
-            ``(nv,)``.
+        value: Estimate; NaN for a joint whose noise the recording does not show.
+        low, high: Interval of the estimate.
+        torque: Part from noise of the torque readings or of the drive.
+        encoders: Part from noise of the position readings.
+        rising: Upper limit for noise that is not white and whose density may also rise inside the band; zero for white
+            noise.
     """
 
     value: Float[Array, " nv"]
@@ -68,7 +68,7 @@ class SensorFloor:
 
 
 def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], deviations: float = 2.0) -> SensorFloor:
-    """Noise floor of each joint in the judged band, propagated from its sensors.
+    """Noise floor of each joint in the judged band, propagated from the noise of its sensors.
 
     Args:
         session: Recordings at their full rate, and their judged band.
@@ -99,7 +99,7 @@ def _readings_of(session: Session) -> Readings:
 
 
 def torque_densities(session: Session, readings: Readings, deviations: float = 2.0) -> list[Density | None]:
-    """Noise of each joint's torque, from torque readings or from measured minus modelled torque; None if unknown.
+    """Density of each joint's torque noise, from torque readings or measured minus modelled torque; None if unknown.
 
     Args:
         session: Recordings at their full rate, and their judged band.
@@ -116,20 +116,20 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
             for own, long in zip(bands, seconds, strict=True)
         ]
         balance = _mean_density(each, seconds)
-        # A command has no sensor: at frequencies above the motion it shows the controller's answer.
+        # A commanded torque has no reading noise. Above the band of the motion it is the response of the controller.
         seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
         out.append(_smaller_density(seen, balance))
     return out
 
 
 def joints_that_rise(densities: list[Density | None]) -> list[bool]:
-    """Whether the noise of each joint is not white, but rises towards the motion.
+    """True for joints whose noise is not white, but rises towards the band of the motion.
 
-    Drives of a robot are alike: if the noise of most joints is seen to rise, that of another is not by chance.
+    The drives of a robot are alike. So if the noise of most joints rises, that of every joint is assumed to rise.
     """
     seen = [density.rises for density in densities if density is not None]
-    most = 2 * sum(seen) > len(seen)
-    return [density is not None and (density.rises or most) for density in densities]
+    most_rise = 2 * sum(seen) > len(seen)
+    return [density is not None and (density.rises or most_rise) for density in densities]
 
 
 def _balance_density(bands: list[SubBand], judged_hz: float, seconds: float, deviations: float) -> Density | None:
@@ -142,10 +142,14 @@ def _balance_density(bands: list[SubBand], judged_hz: float, seconds: float, dev
 
 
 def _smaller_density(seen: Density | None, balance: Density | None) -> Density | None:
-    """The smaller of two estimates, each of which may be too large.
+    """The smaller of two estimates, each of which may be too large; None if both are unknown.
 
-    Jumps of friction raise what is seen in the readings, errors of the model raise the balance. If the noise of
-    encoders dominates the balance, the density of the readings counts up to the balance's upper end.
+    Jumps of friction increase the density of the readings, errors of the model increase that of the balance. If encoder
+    noise dominates the balance, the result is the density of the readings, limited to the upper end of the balance.
+
+    Args:
+        seen: Density of the torque readings.
+        balance: Density of measured minus modelled torque.
     """
     if seen is not None and balance is not None and balance.may_be_nothing:
         return Density(min(seen.value, balance.high), balance.low, balance.high)
@@ -155,7 +159,7 @@ def _smaller_density(seen: Density | None, balance: Density | None) -> Density |
 
 
 def _mean_density(each: list[Density | None], weights: list[float]) -> Density | None:
-    """Weighted mean density over the recordings that show it; None if none does."""
+    """Weighted mean density over the recordings with a known density; None if there is no such recording."""
     known = [(one, weight) for one, weight in zip(each, weights, strict=True) if one is not None]
     if not known:
         return None
@@ -168,7 +172,7 @@ def _mean_density(each: list[Density | None], weights: list[float]) -> Density |
 def _encoders_in_band(
     session: Session, readings: Readings, usable: tuple[Float[Array, "n nv"], ...]
 ) -> Float[Array, " nv"]:
-    """Root mean square of the spurious torque from errors of the position readings in the judged band, ``(nv,)``."""
+    """Root mean square, in the judged band, of the spurious torque from errors of the position readings, ``(nv,)``."""
     squares, counts = np.zeros(session.robot.nv), np.zeros(session.robot.nv)
     rng = random_stream("motions that are read once more")
     for k, (log, own) in enumerate(zip(session.logs, readings, strict=True)):
@@ -182,7 +186,7 @@ def _encoders_in_band(
 def reading_error_torque(
     robot: Robot, log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
 ) -> Float[Array, "N nv"]:
-    """Spurious torque from one draw of reading errors: modelled torque with them minus that of the smooth motion.
+    """Spurious torque from one draw of reading errors: modelled torque with the errors minus that without them.
 
     Args:
         robot: The given model.
@@ -202,29 +206,31 @@ def reading_error_torque(
 
 
 def _noise_gain(session: Session) -> float:
-    """Mean square [Hz] in the judged band of white noise of density one, simulated through the filters."""
+    """Mean square [Hz] in the judged band of white noise of density one, simulated with the filters of the logs."""
     squares = []
     for k, log in enumerate(session.logs):
         white = random_stream("white noise of density one").normal(size=(len(log.motion.t), 8))
+        # White noise of unit variance has the density 2 / rate.
         noise = white * np.sqrt(0.5 * log.band.rate_hz)
         squares.append(np.mean(session.log_in_judged_band(log.band(noise), k) ** 2))
     return float(np.mean(squares))
 
 
 def sensed_noise(session: Session, columns: Columns, unpredicted: Series) -> Series:
-    """Noise of each log's torque, ``(n, nv)``, drawn from the sensors; zero where a sample is not usable.
+    """Random noise of each log's torque, ``(n, nv)``, as the sensors make it; zero where a sample is not usable.
 
-    It is white noise of the torque plus spurious torque from errors of the position readings; zero for a joint whose
-    recording does not show the noise of its torque. Errors of the model that were found in another recording are added,
-    so that they are not reported again as a new cause.
+    It is the sum of white noise of the torque and spurious torque from errors of the position readings. Both are zero
+    for a joint whose recording does not show the noise of its torque. Errors of the model that were found in another
+    recording are added, so that they are not reported again as a new cause.
 
-    White noise is seen above the judged band. Where a controller answers the noise of its encoder, the torque is much
-    noisier there than in the band. So the white noise is at most what models do not predict on held-out blocks.
+    The density of the white noise is measured above the judged band. If a controller responds to the noise of its
+    encoder, the torque is much noisier there than in the band. So the white noise is limited to the size of the
+    unpredicted residual in the judged band.
 
     Args:
         session: Recordings at their full rate, and their judged band.
         columns: Which samples are usable.
-        unpredicted: Part of each joint's residual that no model predicts in the judged band.
+        unpredicted: Part of each joint's residual that no model predicts on held-out blocks in the judged band.
     """
     robot, rng = session.robot, random_stream("noise of the sensors")
     readings = _readings_of(session)
@@ -244,7 +250,7 @@ def sensed_noise(session: Session, columns: Columns, unpredicted: Series) -> Ser
 
 
 def _share_in_band(session: Session, columns: Columns, white: Series, unpredicted: Series) -> Float[Array, " nv"]:
-    """Factor of each joint's white noise, at most one, that makes it as large as another noise in the judged band."""
+    """Factor, at most one, that limits each joint's white noise to the size of the unpredicted one in the judged band."""
     weights = [root_weights(columns, [part[:, j] for part in unpredicted], j) for j in range(white[0].shape[1])]
     squares = []
     for series in (white, unpredicted):
@@ -257,7 +263,7 @@ def _share_in_band(session: Session, columns: Columns, white: Series, unpredicte
 
 
 def _model_error_noise(session: Session, log: int) -> Float[Array, "n nv"]:
-    """A random torque in the judged band with the deviation of the model's known error."""
+    """A random torque in the judged band whose standard deviation is the known error of the model."""
     error, own = shown_error(session, log), session.logs[log]
     if not error.any():
         return np.zeros((len(own.samples), error.shape[1]))

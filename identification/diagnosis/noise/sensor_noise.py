@@ -1,4 +1,4 @@
-"""Noise of the torque readings, measured in the band above the motion where the recorder has not smoothed it."""
+"""Estimates the noise of torque readings from their spectrum above the band of the motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import cross_density, power_density
 
 _BANDS = 4  # number of parts of the band above the motion
-_TAIL = 2  # index of the first part of the upper half, in which the noise has to be white
+_TAIL = 2  # index of the first part of the upper half of the band, in which the noise has to be white
 _LEAST_BINS = 4  # smallest number of bins of a spectrum in each part
 _SEGMENTS = 16  # smallest number of segments of a recording: with fewer the spectrum is too rough
 ABOVE_MOTION = 1.5  # lowest frequency used, as a multiple of the judged band's edge: hardly any motion is above it
@@ -22,10 +22,14 @@ _TOP = 0.4  # highest frequency used, as a share of the rate: above, aligning a 
 
 @dataclass(frozen=True)
 class Density:
-    """Power density of white noise [(N m)^2/Hz]: mean, smallest and largest over parts of the band above the motion.
+    """Power density of white noise [(N m)^2/Hz], measured above the band of the motion.
 
-    It ``may_be_nothing`` where only the largest is known: the mean is then a guess between nothing and that. Noise
-    that ``rises`` towards the motion is not white; ``rising`` is its mean in the judged band if it does so there.
+    Attributes:
+        value: Estimate.
+        low, high: Interval of the estimate.
+        may_be_nothing: True if only ``high`` is known. Then ``value`` is a guess between zero and ``high``.
+        rises: True if the density rises towards the band of the motion, so that the noise is not white.
+        rising: Upper limit of the mean density in the judged band, for noise whose density also rises there.
     """
 
     value: float
@@ -37,24 +41,24 @@ class Density:
 
 
 def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | None:
-    """Power density of the noise in a joint's torque readings; None where the band above does not show it.
+    """Power density of the noise in a joint's torque readings; None if the band above the motion does not show it.
 
-    Torque that is coherent with the readings of the joint's position is left out: a controller responds to the noise
-    and the steps of its encoder, and that torque is real. The rest has to be flat in the upper half of the band, which
-    steps of friction and of references disturb least: if the recorder has smoothed the torque, the spectrum falls there
-    and says nothing about lower frequencies. The known loss of power by interpolation between uneven samples is
-    corrected.
+    Torque that is coherent with the readings of the joint's position is subtracted: a controller responds to the noise
+    and the steps of its encoder, and this torque is real. The rest has to be flat in the upper half of the band, where
+    steps of friction and of references add least power. If the recorder has smoothed the torque, the spectrum falls
+    there, and does not show the noise at lower frequencies. The known loss of power by interpolation between uneven
+    samples is corrected.
 
     Args:
         logs: Recordings at the full rate.
         row: Index of the joint.
-        held: True if the torque was aligned as one that is held between samples.
+        held: True if `align_held_torque` was applied to the torque, which attenuates high frequencies.
     """
     parts = [part for log in logs if (part := _densities_above_motion(log, row, held=held)) is not None]
     if not parts:
         return None
     weights = np.array([weight for _, weight in parts])
-    levels, centres = (np.average([part[k] for part, _ in parts], axis=0, weights=weights)[_TAIL:] for k in (0, 1))
+    levels, centres = np.average([part for part, _ in parts], axis=0, weights=weights)[:, _TAIL:]
     if not levels.min() > 0:
         return None
     slope = float(np.log(levels[-1] / levels[0]) / np.log(centres[-1] / centres[0]))
@@ -64,7 +68,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
 
 
 def _densities_above_motion(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
-    """Mean power density and centre [Hz] of each part of the band above the motion, and the length of the recording."""
+    """Mean power density and centre [Hz] of each part of the band above the motion, and the number of samples."""
     rate, tau = log.band.rate_hz, log.tau[:, row]
     low, high = ABOVE_MOTION * log.band.cutoff_hz, _TOP * rate
     length = min(1024, len(tau) // (_SEGMENTS // 2))
@@ -76,7 +80,7 @@ def _densities_above_motion(log: Log, row: int, *, held: bool) -> tuple[Float[Ar
         _, own = power_density(q, rate, length)
         _, both = cross_density(tau, q, rate, length)
         segments = max(2 * len(tau) // length - 1, 2)
-        # Over n segments, independent series are coherent by chance in a share 1/n of their power.
+        # With n segments, independent series are coherent by chance in a share 1/n of their power. This is corrected.
         power = np.maximum(power - np.abs(both) ** 2 / np.maximum(own, 1e-300), 0.0) * segments / (segments - 1)
     power = power / log.noise_gain(f)
     if held:
@@ -90,5 +94,5 @@ def _densities_above_motion(log: Log, row: int, *, held: bool) -> tuple[Float[Ar
 
 
 def _alignment(f: Float[Array, " k"]) -> Float[Array, " k"]:
-    """Gain of `align_held_torque` at a frequency, given as a share of the rate."""
+    """Gain of `align_held_torque` at frequencies given as shares of the rate."""
     return np.abs(26.0 * np.cos(np.pi * f) - 2.0 * np.cos(3.0 * np.pi * f)) / 24.0

@@ -1,8 +1,9 @@
-"""Autoregressive whitening of each row (generalised least squares): every frequency is weighted by its noise.
+"""Autoregressive whitening of each row (generalised least squares), so that each frequency is weighted by its noise.
 
-In a torque residual the power of encoder noise grows with the fourth power of frequency; that of disturbances falls. A
-narrow band would lose what high frequencies tell about friction. In a wide band their noise would hide what low
-frequencies tell about inertias. A wide band that is whitened keeps both.
+A row is one joint's torque. In a torque residual the power of encoder noise grows with the fourth power of frequency,
+and that of disturbances falls. A narrow band would lose the information of high frequencies about friction. In a wide
+band the noise at high frequencies would hide the information of low frequencies about inertias. A wide band that is
+whitened keeps both.
 """
 
 from __future__ import annotations
@@ -26,15 +27,17 @@ from identification.engine.autocorrelation import lagged_products
 from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-_ORDER = 8  # samples that predict one: four are too few, a real servo with a load is then diagnosed differently
+_ORDER = 8  # number of samples that predict the next; four are too few for a real servo with a load
 _ROWS = 64  # samples that are filtered at a time
 
 
 def noise_law(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> Float[Array, " m"]:
-    """Autocovariance of a row's noise while its joint moves, at lags 0 to `_ORDER`; at lag 0 alone if there is little.
+    """Autocovariance of a row's noise while its joint moves, at lags 0 to `_ORDER`, or at lag 0 alone.
+
+    Only lag 0 is estimated if there are too few samples, or if the noise is zero.
 
     Args:
-        columns: Usable samples, and the static friction at standstill.
+        columns: Usable samples, and the standard deviation of friction at standstill.
         noise: Noise of the row, for each log.
         row: Index of the row.
     """
@@ -45,58 +48,62 @@ def noise_law(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -
 
 
 def autocovariance(e: Sequence[Float[Array, " n"]]) -> Float[Array, " m"]:
-    """Products of series of one noise, summed, at lags 0 to `_ORDER`; a single one if series are short or zero."""
+    """Lagged products of one noise, summed over several series, at lags 0 to `_ORDER`.
+
+    Only the number 1 is returned if the series are short or zero.
+    """
     lags = np.zeros(_ORDER + 1)
     for part in e:
         own = lagged_products(part)[: _ORDER + 1]
         lags[: len(own)] += own
     if sum(len(part) for part in e) < 20 * _ORDER or lags[0] == 0:
         return np.array([1.0])
-    # A millionth of the variance keeps the equations solvable for noise that is nothing but low frequencies.
+    # A millionth of the variance keeps the equations solvable for noise that has only low frequencies.
     lags[0] *= 1.0 + 1e-6
     return lags
 
 
 def row_filters(columns: Columns, log: int, row: int, law: Float[Array, " m"]) -> Float[Array, "n m"]:
-    """Filters that whiten the noise of a row of one log; samples with certain friction predict others."""
+    """Filters that whiten the noise of a row of one log; only samples with certain friction predict others."""
     return prediction_filters(law, certain_samples(columns, log, row, law[0]))
 
 
 def prediction_filters(law: Float[Array, " m"], certain: Bool[Array, " n"]) -> Float[Array, "n m"]:
-    """Filter of each sample that whitens a noise: one, and minus the best prediction from samples before it.
+    """For each sample, coefficients of a filter that whitens a noise, for this sample and those before it.
 
-    A sample is predicted from those that are certain, so that none is lost after those that are not (Yule and Walker's
-    equations). Predictions from few samples have larger errors; filters are scaled so that all errors have the same
-    variance.
+    The output of the filter is the sample minus its best linear prediction from the certain samples before it
+    (Yule-Walker equations). Samples after an uncertain one can be used, too, because the uncertain one does not predict
+    them. Predictions from fewer samples have larger errors, so filters are scaled to errors of the same variance.
 
     Args:
-        law: Autocovariance of the noise, as far back as samples predict others.
-        certain: Samples that may predict others.
+        law: Autocovariance of the noise, at lags from 0 to the largest lag of a prediction.
+        certain: True for samples that may predict others.
     """
     reach = len(law) - 1
     if reach == 0:
         return np.ones((len(certain), 1))
     padded = np.concatenate([np.zeros(reach, dtype=bool), certain])
+    # For each sample, which of the samples before it are certain, the last one first.
     before = np.lib.stride_tricks.sliding_window_view(padded, reach)[: len(certain), ::-1]
     patterns, which = np.unique(before, axis=0, return_inverse=True)
     least = _prediction(law, np.arange(1, reach + 1))[1]
     filters = np.zeros((len(patterns), reach + 1))
-    for own, pattern in zip(filters, patterns, strict=True):
+    for row, pattern in zip(filters, patterns, strict=True):
         lags = np.flatnonzero(pattern) + 1
         coefficients, variance = _prediction(law, lags)
-        own[0], own[lags] = 1.0, -coefficients
-        own *= np.sqrt(least / variance)
+        row[0], row[lags] = 1.0, -coefficients
+        row *= np.sqrt(least / variance)
     return filters[which.ravel()]
 
 
 def _prediction(law: Float[Array, " m"], lags: Int[Array, " k"]) -> tuple[Float[Array, " k"], float]:
-    """Coefficients of the best prediction from samples at some lags, and the variance of its error."""
+    """Coefficients of the best linear prediction from samples at the given lags, and the variance of its error."""
     a = np.linalg.solve(law[np.abs(lags[:, None] - lags)], law[lags])
     return a, float(law[0] - a @ law[lags])
 
 
 def filtered(filters: Float[Array, "n m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
-    """``x`` through a causal filter that may differ between samples; the first samples see zeros before them."""
+    """``x`` after a causal filter with other coefficients for each sample; before the first sample there are zeros."""
     weights = filters.reshape(*filters.shape, *(1,) * (x.ndim - 1))
     out = weights[:, 0] * x
     # A few samples at a time stay in the processor's cache until all lags are done.
@@ -109,7 +116,7 @@ def filtered(filters: Float[Array, "n m"], x: Float[Array, "n ..."]) -> Float[Ar
 
 
 def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
-    """Columns, residual and modelled torque filtered so that the noise of each row is white, and that noise.
+    """Columns whose values, residual and modelled torque are filtered so that the noise is white, and this white noise.
 
     Samples with uncertain friction get a lower weight, as if their noise were larger.
 
@@ -132,7 +139,7 @@ class Whitening:
     """Filters that make the noise of each row white, and weights of the samples.
 
     Attributes:
-        filters: Filter of each sample, for each row and log.
+        filters: Coefficients of the filter of each sample, ``filters[row][log] (n, m)``.
         weights: Factor of each sample, for each log ``(n, nv)``.
     """
 
@@ -157,32 +164,33 @@ class Whitening:
         )
 
     def transposed(self, e: Float[Array, " n"], log: int, row: int, start: int) -> tuple[Float[Array, " m"], int]:
-        """The series whose product with any column equals that of ``e`` with the whitened column.
+        """A series whose product with any column equals the product of ``e`` with the whitened column.
 
         Args:
-            e: A series from one sample on.
-            log: Log of the column.
-            row: Row of the column.
-            start: Index of the first sample of ``e``.
+            e: A part of a series.
+            log: Index of the log.
+            row: Index of the row.
+            start: Index of the first sample of ``e`` in the log.
 
         Returns:
             The series, and the index of its first sample, which is earlier by the length of the filter.
         """
         stop = start + len(e)
         filters, weighted = self.filters[row][log][start:stop], e * self.weights[log][start:stop, row]
-        longest = filters.shape[1] - 1
-        back = np.zeros(longest + len(e))
-        for lag in range(longest + 1):
-            back[longest - lag : longest - lag + len(e)] += filters[:, lag] * weighted
-        early = max(longest - start, 0)
-        return back[early:], start - longest + early
+        reach = filters.shape[1] - 1
+        back = np.zeros(reach + len(e))
+        for lag in range(reach + 1):
+            back[reach - lag : reach - lag + len(e)] += filters[:, lag] * weighted
+        # Samples before the log begins are left out.
+        missing = max(reach - start, 0)
+        return back[missing:], start - reach + missing
 
 
 def whitening_of(columns: Columns, noise: Series) -> Whitening:
-    """Filters that make the noise of columns white, and the factor of each sample; values of columns are not used.
+    """Filters that make the noise of each row white, and weights of the samples; values of columns are not used.
 
-    The factor is the root of the share of noise in the variance of noise and uncertain friction together, scaled to a
-    mean square of one on each row.
+    The weight is the square root of ``noise / (noise + friction)``, the variances of noise and of uncertain friction,
+    scaled to a mean square of one on each row.
 
     Args:
         columns: Columns before whitening.
@@ -200,9 +208,9 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
 
 
 def weights_without_filter(columns: Columns, noise: Series) -> Series:
-    """Factor of each sample where no filter is used: lower at standstill, where friction may have any value.
+    """Weights of the samples, if no filter is used: lower at standstill, where friction may have any value.
 
-    The squares are in proportion to the weights of the figures of a gap (`fit.gap.sample_weights`).
+    Their squares are proportional to the weights in `identification.diagnosis.fit.gap.sample_weights`.
     """
     roots = [root_weights(columns, [part[:, j] for part in noise], j) for j in range(noise[0].shape[1])]
     share = [np.column_stack([of_row[log] ** 2 for of_row in roots]) for log in range(len(noise))]
@@ -210,10 +218,10 @@ def weights_without_filter(columns: Columns, noise: Series) -> Series:
 
 
 def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Series:
-    """Noise of each log's torque, increased to that of the sensors on rows where it would be smaller once whitened.
+    """Noise of each log's torque, with noise of the sensors added on rows where the whitened noise would be too small.
 
-    The unpredictable part of a torque may be smooth, or lie in samples with uncertain friction. It is then smaller than
-    the noise of the sensors once it is whitened and these samples have their low weight.
+    The unpredictable part of a torque may be smooth, or occur mainly in samples with uncertain friction. After
+    whitening, and with the low weights of these samples, it may then be smaller than the noise of the sensors.
 
     Args:
         columns: Columns before whitening.
@@ -233,16 +241,16 @@ def squares_by_row(series: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Flo
 
 
 def friction_variance(columns: Columns, log: int, row: int, filters: Float[Array, "n m"]) -> Float[Array, " n"]:
-    """Variance of the whitened torque of a row due to uncertain friction, at reversals and at standstill, by sample.
+    """Variance of the whitened torque of a row, by sample, due to uncertain friction at reversals and at standstill.
 
-    At a reversal the time of the step of friction is uncertain: that error is filtered. The static friction of a joint
-    at standstill may change from sample to sample, so the largest possible output of the filter is taken.
+    At a reversal the time of the step of friction is uncertain. This error is filtered like the torque. The static
+    friction at standstill may change from sample to sample, so the largest possible output of the filter is taken.
     """
     return filtered(filters, columns.reversal_std[log][:, row]) ** 2 + standstill_variance(columns, log, row, filters)
 
 
 def standstill_variance(columns: Columns, log: int, row: int, filters: Float[Array, "n m"]) -> Float[Array, " n"]:
-    """The part of `friction_variance` that is due to standstill."""
+    """Variance of the whitened torque of a row due to friction at standstill, by sample."""
     return filtered(np.abs(filters), columns.standstill_std[log][:, row]) ** 2
 
 
@@ -252,7 +260,7 @@ def noise_variance(
     """Variance of the whitened noise of a row over the samples in which the joint moves; above zero.
 
     Args:
-        columns: Usable samples, and the static friction at standstill.
+        columns: Usable samples, and the standard deviation of friction at standstill.
         noise: Noise of the row, for each log.
         row: Index of the row.
         filters: Filters that whiten the noise, for each log.
@@ -264,9 +272,9 @@ def noise_variance(
 
 
 def _mean_square_one(columns: Columns, share: list[Float[Array, "n nv"]]) -> list[Float[Array, "n nv"]]:
-    """Weights of samples, the roots of shares, with a mean square of one over the usable samples of each row."""
+    """Weights of samples: roots of shares, scaled to a mean square of one over the usable samples of each row."""
     count = sum(use.sum(axis=0) for use in columns.usable)
-    mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
+    mean = sum(np.where(use, part, 0.0).sum(axis=0) for part, use in zip(share, columns.usable, strict=True))
     mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
     # On a row without usable samples the weight has no effect.
-    return [np.where(count > 0, np.sqrt(s / mean), 1.0) for s in share]
+    return [np.where(count > 0, np.sqrt(part / mean), 1.0) for part in share]
