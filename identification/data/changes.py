@@ -21,7 +21,7 @@ from phantom_dyn.model.robot import Controller, Robot
 class KnownPayload:
     """A point mass [kg] and its centre [m] in the ``payload_frame`` of ``robot.yaml``.
 
-    If ``robot.yaml`` has no ``payload_frame``, the centre is in the frame of the joint that moves the link.
+    If ``robot.yaml`` has no ``payload_frame``, the centre is in the frame of the joint that moves the mass.
     """
 
     mass: float
@@ -79,7 +79,7 @@ def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
 
 
 def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
-    """Centre of the mass [m] in the frame of the joint that moves its link. Findings use this frame."""
+    """Centre of the mass [m] in the frame of the joint that moves the mass. Findings use this frame."""
     return np.asarray(_placement_of_centers(robot).act(np.array(payload.center, dtype=float)))
 
 
@@ -89,7 +89,7 @@ def written_center(robot: Robot, center: Float[Array, " 3"]) -> Float[Array, " 3
 
 
 def _placement_of_centers(robot: Robot) -> pin.SE3:
-    """Placement of the frame of `KnownPayload.center` in the frame of the joint that moves the link."""
+    """Placement of the frame of `KnownPayload.center` in the frame of the joint that moves the mass."""
     # A frame named tip only selects the link that carries the mass. Centres are not given in that frame.
     if robot.payload_frame is None:
         return pin.SE3.Identity()

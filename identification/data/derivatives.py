@@ -23,7 +23,7 @@ _EDGE_RATIO = 2.0**-0.25
 # that it removes from its own result after rounding to encoder steps (rounding errors alone). The edge is accepted if
 # the first is at most 1 + `_TOLERANCE` times the second. Above `_STOP_RATIO` times, no lower edge is tried.
 _TOLERANCE, _STOP_RATIO = 0.01, 1.5
-# Largest difference between motion and readings, in encoder steps; rounding alone makes half a step.
+# Largest difference between low-passed positions and readings, in encoder steps; rounding alone makes half a step.
 _LARGEST_DIFFERENCE = 1.0
 # Lower limit of the second rms value, in encoder steps, so that the ratio is finite.
 _LEAST_ROUNDING = 1e-6

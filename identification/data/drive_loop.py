@@ -48,7 +48,7 @@ _INTERVAL_STDS = 3.0
 
 @dataclass(frozen=True)
 class DriveLoop:
-    """Estimated parameters of one drive's position controller; standard deviations are by a jackknife over time.
+    """Estimated parameters of one drive's position controller; standard deviations are from a jackknife over time.
 
     Attributes:
         output: Quantity that was logged: ``u``, ``duty``, ``i`` or ``tau``.
@@ -111,6 +111,7 @@ def drive_loop(
     drop = _drop(t, y, q_ref, q, finite & ~clipped & ~_isolated(q), delays[::_PER_STEP])
     dropped = np.zeros(len(y), dtype=bool) if drop is None else _beyond(t, q_ref, q, *drop)
     use = _without_outliers(t, y, q_ref, q, finite & ~clipped & ~dropped, delays, np.inf if limit is None else limit)
+    # If the fitted controller asks for no more than the output there, the rows at the limit are only peaks.
     if limit is not None and not _exceeds_limit(t, y, q_ref, q, use, clipped, delays):
         limit, clipped = None, np.zeros(len(y), dtype=bool)
         use = _without_outliers(t, y, q_ref, q, finite & ~dropped, delays, np.inf)
@@ -233,7 +234,7 @@ def _exceeds_limit(
 
     If these rows are only peaks, the controller asks for no more than the output.
     """
-    if use.sum() < _FEWEST:
+    if use.sum() < _FEWEST:  # too few for a fit, so that the limit is kept
         return True
     commanded = _commanded(t, y, q_ref, q, use, delays)
     return bool(np.median(commanded[clipped] / y[clipped]) > 1.0 + _AT_LIMIT)

@@ -82,7 +82,7 @@ def _per_joint(table: Table, quantity: str, joints: Sequence[str]) -> Array | No
 
 
 def _complete(table: Table, quantity: str, joints: Sequence[str]) -> tuple[Array | None, tuple[str, ...]]:
-    """Columns of an optional quantity, or None unless all joints have one; a warning if only some joints have one."""
+    """Columns of an optional quantity, and warnings. If only some joints have one, None is returned with a warning."""
     values = _per_joint(table, quantity, joints)
     lacking = [joint for joint in joints if f"{quantity}.{joint}" not in table.columns]
     if values is None or not lacking:

@@ -15,7 +15,7 @@ LONGEST = 600.0
 """Longest recording [s] that is used as a whole."""
 _STRETCH, _COUNT = 20.0, 15  # length [s] and number of the stretches that are taken from a longer recording
 # Smallest number of samples of a stretch. The edge of the band is at most 6 % of the rate, so its filter needs 33
-# samples (two periods of the edge) at either end, and the smallest fit needs 133 more. A stretch has twice their sum.
+# samples (two periods of the edge) at either end, and the smallest fit needs 133 more. A stretch has twice the sum.
 _SAMPLES = 400
 
 

@@ -25,7 +25,7 @@ def unknown_drives(robot: Robot) -> Bool[Array, " nv"]:
 
 
 def without_unread_drives(robot: Robot, recordings: Iterable[Recording]) -> Robot:
-    """The robot, with the drives of joints marked as unknown whose torque was not read in some row of a recording.
+    """The robot, with the drive of each joint marked as unknown if some row of its torque was not read.
 
     Raises:
         LogError: If no joint with a known torque is left.

@@ -66,7 +66,7 @@ class SubBand:
 
 
 def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
-    """White noise of measured minus modelled torque [(N m)^2/Hz] and its interval; None without any sub-band.
+    """Density of the white noise of measured minus modelled torque, and its interval; None without any sub-band.
 
     White noise has the same density in every sub-band, and other causes, such as a resonance, only add to it. So the
     value is the mean density of the two sub-bands with the least density if these two agree, and the least density if

@@ -53,11 +53,9 @@ def moving_variance(columns: Columns, noise: Sequence[Float[Array, " n"]], row: 
         row: Index of the row.
     """
     use = [part[:, row] for part in columns.usable]
-    doubt = [part[:, row] ** 2 for part in columns.standstill_std]
-    squares, doubts = (
-        np.concatenate([part[u] for part, u in zip(parts, use, strict=True)]) for parts in (noise, doubt)
-    )
-    return max(certain_variance(squares**2, doubts), 1e-300)
+    squares = np.concatenate([part[u] ** 2 for part, u in zip(noise, use, strict=True)])
+    friction = np.concatenate([part[u, row] ** 2 for part, u in zip(columns.standstill_std, use, strict=True)])
+    return max(certain_variance(squares, friction), 1e-300)
 
 
 def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> list[Float[Array, " n"]]:

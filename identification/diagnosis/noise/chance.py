@@ -68,6 +68,7 @@ def _null_products(
     signs = rng.choice([-1.0, 1.0], size=(len(blocks), _REPLICATES))
     sigma = np.array([n.sigma for n in columns.tolerance_parameters])
     bound = np.array([n.bound for n in columns.tolerance_parameters])
+    # Random changes of the tolerance parameters, within their bounds.
     changes = np.clip(rng.normal(size=(len(sigma), _REPLICATES)) * sigma[:, None], -bound[:, None], bound[:, None])
     # Products of the columns with the noise of each block. Sums of them with random signs are those of a recording.
     whole, core = np.zeros((len(blocks), total)), np.zeros((len(blocks), total))
@@ -87,9 +88,10 @@ def _null_products(
             whole[k, row.index] += inside + edge
 
     def by_fold(of_noise: Float[Array, "B K"], of_columns: RowProducts) -> Float[Array, "F K R"]:
-        own = [grams.fold == fold for fold in range(folds)]
+        """Products with the simulated residuals: those of the noise of each block, and those of the changes."""
+        blocks_of_fold = [grams.fold == fold for fold in range(folds)]
         of_changes = of_columns.between(np.arange(len(sigma)), np.arange(total)).transpose(0, 2, 1) @ changes
-        return np.array([of_noise[rows].T @ signs[rows] for rows in own]) + of_changes
+        return np.array([of_noise[rows].T @ signs[rows] for rows in blocks_of_fold]) + of_changes
 
     return by_fold(whole, grams.fold_a), by_fold(core, grams.fold_core_a)
 

@@ -41,7 +41,7 @@ class DriveClass:
 # By ``torque_source``: a command does not contain the errors of drive and gear, a current does not contain those of the
 # gear, and a torque sensor measures both. The values of `of_noise` are based on repetitions of a motion: they differ by
 # 1.0 % of the torque on EMPS, a good axis, and by 3.4 to 6.3 % on an STS3250 servo with six loads
-# (`benchmarks/noise_floor.py repeated` on their answers).
+# (printed by `benchmarks/noise_floor.py repeated`).
 DRIVE_CLASSES = {
     "command": DriveClass(0.005, 0.1, of_noise=0.025),
     "current": DriveClass(0.005, 0.1, of_noise=0.025),

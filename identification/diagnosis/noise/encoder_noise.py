@@ -1,7 +1,7 @@
-"""Errors in variables: the spurious torque, and the spurious gains of effects, that encoder noise causes.
+"""Estimates the spurious torque, and spurious gains of effects, that encoder noise causes (errors in variables).
 
-Columns and modelled torque are computed from the same measured positions. As they have the same noise, a fit can
-explain noise by noise, and no resampling of residuals shows this. So the recording is simulated: its smooth motion is
+Columns and modelled torque are computed from the same measured positions. Both contain the same noise, so a fit can
+explain noise by noise. Resampling of residuals does not show this. So the recording is simulated: its smooth motion is
 taken as the true one, new encoder noise of the same kind is added, and columns and torque are computed again.
 """
 
@@ -98,9 +98,11 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
         expected = _step_of_others(robot, steps, j) if stated is None else stated
         if step is None or expected is None:
             continue
-        coarser = (coarser_than_others if stated is None else coarser_than_stated)(step / expected)
+        gate = coarser_than_others if stated is None else coarser_than_stated
+        coarser = gate(step / expected)
         if not coarser.passed:
             continue
+        # The encoders of the other joints are taken as exact.
         alone = tuple(step if k == j else _FINE for k in range(robot.nv))
         # Only the rounding beyond that of the expected step counts. Its variance is the difference of the variances.
         share = float(np.sqrt(1.0 - min((expected / step) ** 2, 1.0)))

@@ -130,7 +130,7 @@ def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[in
 
 
 def weights_of(white: Columns, noise: Series) -> Weights:
-    """Root mean square and autocorrelation time of each joint's noise after whitening.
+    """Weights of squared residuals, from rms and autocorrelation time of each joint's noise after whitening.
 
     A noise of exactly zero (a simulated robot without noise) would make a weight infinite. So the root mean square is
     at least a millionth of the standard deviation of the modelled torque.
@@ -209,15 +209,16 @@ def noise_without(
     out, gain = [part.copy() for part in noise], 0.0
     for j, weight in enumerate(problem.weights.per_sample):
         use = [usable[:, j] for usable in problem.white.usable]
+        # The whitened noise and the whitened torque of the effect in all logs.
         e, x = (
             np.concatenate([part[u, j] for part, u in zip(series, use, strict=True)])
             for series in (white, white_effect)
         )
-        common, energy = float(x @ e), float(x @ x)
-        if common <= 0:
+        product, square = float(x @ e), float(x @ x)
+        if product <= 0:
             continue
-        share = min(common / energy, 1.0)
-        gain += weight * share * (2.0 * common - share * energy)
+        share = min(product / square, 1.0)
+        gain += weight * share * (2.0 * product - share * square)
         for part, torque, usable in zip(out, effect, problem.columns.usable, strict=True):
             part[:, j] -= share * np.where(usable[:, j], torque[:, j], 0.0)
     return tuple(out), gain

@@ -29,7 +29,7 @@ _LEAST = 20.0  # smallest number of independent differences: with fewer the nois
 # velocities differ by at most the share `_LOOSELY`. The error of the model differs between them, too. So the comparison
 # counts only if this difference is less than the share `_OF_MODEL` of the estimated noise.
 _LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
-_PLACES = 41  # number of offsets within two samples that are tried
+_PLACES = 41  # number of shifts between -1 and 1 sample that are tried
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def repeated_noise(
 
     Args:
         session: Recordings and their band.
-        residual: Residual of an explanation for each log, in the judged band.
+        residual: Torque residual of each log in the judged band.
         usable: True for samples that are used, for each log.
         counts: Weight of each sample for motions that repeat only loosely; None if such motions are not compared.
     """

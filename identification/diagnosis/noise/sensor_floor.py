@@ -250,7 +250,7 @@ def sensed_noise(session: Session, columns: Columns, unpredicted: Series) -> Ser
 
 
 def _share_in_band(session: Session, columns: Columns, white: Series, unpredicted: Series) -> Float[Array, " nv"]:
-    """Factor, at most one, that limits each joint's white noise to the size of the unpredicted one in the judged band."""
+    """Factor, at most one, that limits each joint's white noise in the judged band to the unpredicted noise."""
     weights = [root_weights(columns, [part[:, j] for part in unpredicted], j) for j in range(white[0].shape[1])]
     squares = []
     for series in (white, unpredicted):

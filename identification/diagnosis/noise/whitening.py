@@ -50,7 +50,7 @@ def noise_law(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -
 def autocovariance(e: Sequence[Float[Array, " n"]]) -> Float[Array, " m"]:
     """Lagged products of one noise, summed over several series, at lags 0 to `_ORDER`.
 
-    Only the number 1 is returned if the series are short or zero.
+    The result is ``[1.0]`` if the series are short or zero.
     """
     lags = np.zeros(_ORDER + 1)
     for part in e:
@@ -181,7 +181,7 @@ class Whitening:
         back = np.zeros(reach + len(e))
         for lag in range(reach + 1):
             back[reach - lag : reach - lag + len(e)] += filters[:, lag] * weighted
-        # Samples before the log begins are left out.
+        # Products with samples before the start of the log are left out.
         missing = max(reach - start, 0)
         return back[missing:], start - reach + missing
 
