@@ -1,1 +1,1 @@
-"""Findings: each effect with its numbers, its share of the gap and its probability."""
+"""Findings: which of the chosen effects pass all gates, each with its numbers, share of the gap and probability."""

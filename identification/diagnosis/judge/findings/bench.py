@@ -1,4 +1,4 @@
-"""State of the loop over the gates, and the fits by which it judges claims; the fit of a set is computed once."""
+"""Data of the loop over the judge's gates (`shown.py`): its state, and the searches and fits that gates use."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Shown:
 
     Attributes:
         plain: The search with plain fits in the judged band.
-        chosen: The effects, structures without a name among them.
-        full_fit: Fit of all their parameters at once.
-        comparisons: Comparison of each named effect with its rivals. Both are fitted together with ``all_found``, so
-            that no rival wins by explaining an effect that is too small to be shown.
-        all_found: All effects that the search has found, with rivals in the place of those that they replaced.
+        chosen: The shown effects, including structures without a name (they match no effect of the catalogue).
+        full_fit: Fit of all parameters of these effects at once.
+        comparisons: Comparison of each named effect with its rivals. The other effects of ``all_found`` are fitted,
+            too, so that no rival wins by explaining an effect that is too small to be shown.
+        all_found: All effects that the search has found, after replacements of effects by rivals.
     """
 
     plain: Search
@@ -42,12 +42,12 @@ class Shown:
 
     @property
     def problem(self) -> Problem:
-        """The plain problem."""
+        """Recordings, columns and blocks of the plain fits."""
         return self.plain.problem
 
     @property
     def named(self) -> frozenset[Term]:
-        """Effects of the catalogue."""
+        """The shown effects that are in the catalogue."""
         return frozenset(term for term in self.chosen if term.named)
 
     @property
@@ -61,15 +61,14 @@ class State:
     """State of the loop over the gates.
 
     Attributes:
-        found: Effects of the search, with rivals in the place of those that they replaced; in all comparisons this set
-            is fitted.
-        shown: Effects among these that have passed all gates so far.
+        found: Effects of the search, after replacements of effects by rivals. Comparisons with rivals fit this set.
+        shown: Those effects of ``found`` that have passed all gates so far.
         barred: Effects and joints that are excluded as rivals.
-        displaced: Effects and joints that a rival replaced; they do not come back while it is there.
+        displaced: Effects and joints that were replaced by a rival, and may not return while the rival is in the set.
         compared: Effects and joints that failed the gate `closes_for_sure`, and for which a rival was searched.
         exchanges: Pairs of replaced effects and the rivals that replaced them.
-        compared_sets: Sets whose rivals were compared, in this order.
-        done: True if the last of these sets is the result.
+        compared_sets: Sets whose effects were compared with rivals, in the order of the comparisons.
+        done: True if the last of ``compared_sets`` is the result.
     """
 
     found: frozenset[Term]
@@ -83,23 +82,24 @@ class State:
 
     @classmethod
     def of(cls, found: frozenset[Term]) -> State:
-        """The state before the first gate: all that the search has found is shown."""
+        """The state before the first gate, in which all found effects are shown."""
         return cls(found, found)
 
     def with_others(self, found: frozenset[Term]) -> State:
-        """The state with another set, all of it shown again: an effect that failed in the first set may pass now."""
+        """The state with another set of effects, all shown: an effect that failed in the old set may pass now."""
         return replace(self, found=found, shown=found)
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of sets of effects, each with its own noise floor.
+    """Functions of a set of effects, which describe the residual with this set in the model.
 
     Attributes:
-        judge_of: Noise floors of the joints with a set of effects in the model.
-        over_allowed: Residual of some joints with a set of effects in the model, divided by the largest that noise and
-            the error of a sound model may leave. A quotient above one may be computed too small.
-        has_structure: True if the state predicts a part of the residual of some joints, or if events are a part of it.
+        judge_of: Noise floors of the joints; they depend on the set.
+        over_allowed: Residual of the given joints, divided by the largest residual of a sound model with noise; zero
+            for other joints. If a value is above one, it may be smaller than the exact value.
+        has_structure: True if the state of the robot predicts a part of the residual of the given joints, or if the
+            residual contains events.
     """
 
     judge_of: Callable[[frozenset[Term]], Judge]
@@ -109,13 +109,13 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Searches and fits by which claims are judged; the fit of a set is computed once.
+    """Searches and fits that the gates use; each fit is computed once.
 
     Attributes:
         search: Rivals, with fits to whitened torques.
         plain: The same with plain fits in the judged band.
         noise: Noise of each log's torque.
-        residuals: Residuals of sets of effects.
+        residuals: Functions that describe the residual with a set of effects.
     """
 
     search: Search
@@ -125,29 +125,29 @@ class Bench:
 
     @property
     def record(self) -> Record:
-        """The record of decisions, of which the ledger is made."""
+        """The record of decisions, from which the ledger is made."""
         return self.search.record
 
     @cached_property
     def other_conditions(self) -> tuple[Search, ...]:
-        """The search under conditions that should not change the result: another band, and other tolerances."""
+        """The search under conditions that should not change the result: in the judged band, with wide tolerances."""
         return self.plain, with_wide_tolerances(self.search)
 
     @cached_property
     def with_strong_motion(self) -> Callable[[frozenset[Term]], tuple[Search, dict[Term, Term]]]:
-        """The search at frequencies where the torque is far above the noise that a set leaves, and its terms."""
-        # The function does not refer to this bench, so that the bench's memory is freed at once.
+        """Function of a set of effects that returns the result of `strong_motion_search` for this set."""
+        # The function does not refer to this object, so that its memory is freed without a garbage collection.
         plain, noise = self.plain, self.noise
         return lru_cache(maxsize=1)(lambda found: strong_motion_search(plain, found, found, noise))
 
     @cached_property
     def subset_residuals(self) -> Callable[[frozenset[Term]], Callable[[frozenset[Term]], ResidualSums]]:
-        """Squared residuals in the judged band of the subsets of a set."""
+        """Function of a set of effects that returns its `subset_residuals` in the judged band."""
         plain = self.plain
         return lru_cache(maxsize=1)(lambda found: subset_residuals(plain, found))
 
     @cached_property
     def fit(self) -> Callable[[frozenset[Term]], FullFit]:
-        """Fit of all parameters of a set at once."""
+        """Function of a set of effects that returns the fit of all its parameters at once."""
         plain = self.plain
         return cache(lambda shown: full_fit(plain.problem.of(shown), ordered(shown), plain.held_out_fit(shown)))

@@ -1,11 +1,13 @@
-"""Chosen effects as findings: parameters, share of the gap closed, rivals, and notes on their sizes.
+"""Makes findings of the shown effects: parameters, closed share of the gap, rivals, and notes on their sizes.
 
-Sum of a drive: back-EMF, viscous friction and a late reference all give a torque proportional to the speed while the
-joint follows its reference. A recording of a drive that is fed by a voltage shows only their sum. They are separated
-only if motor constants, or a second gain of the loop, determine the others.
+Two notes need an explanation:
 
-One-sided intervals: the estimate of a body may lie on the limit of possible bodies. Beyond it are bodies with a
-negative mass or moment of inertia, or with a centre out of reach, so that the interval reaches to one side only.
+- Sum of a drive. While a joint follows its reference, back-EMF, viscous friction and a late reference all cause a
+  torque proportional to the speed. A recording of a drive that is fed by a voltage shows only the sum of the three.
+  Motor constants, or recordings with another gain of the loop, are needed to separate them.
+- One-sided intervals. The estimate of inertial parameters may be at the limit of possible bodies. Bodies beyond the
+  limit have a negative mass or moment of inertia, or a centre of mass out of reach. So the interval of the estimate
+  reaches to one side only.
 """
 
 from __future__ import annotations
@@ -56,14 +58,15 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 _DRAWS = 200  # random draws of the parameters; the ends of a 95 % interval are the fifth lowest and the fifth highest
-# An interval is one-sided if the limit to possible bodies makes it narrower than this share of its unrestricted width.
+# An interval counts as one-sided if the limit to possible bodies reduces it to less than this share of its width.
 _NARROWER = 0.8
-_SAME_PLACE = 1e-4  # distance of two places of a payload [m] below which one number stands for both
-_FAR_FROM_ONE = 0.25  # distance of a torque constant from one above which the motor itself is rarely the cause
+_SAME_PLACE = 1e-4  # positions of a payload in two frames count as equal within this distance [m]
+# If a ratio of torque constants differs from one by more, a wrong constant is an improbable cause.
+_FAR_FROM_ONE = 0.25
 
 
 def size_remarks(shown: Shown) -> tuple[Said, ...]:
-    """Notes on the sizes of findings: sums of a drive, volts, one-sided intervals, missing parts, implausible sizes."""
+    """Notes on the sizes of findings, such as one-sided intervals, missing parts and implausible sizes."""
     robot = shown.problem.session.robot
     out = list[Said]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown), *center_notes(shown)))
     for term in ordered(shown.named):
@@ -78,7 +81,7 @@ def size_remarks(shown: Shown) -> tuple[Said, ...]:
 
 
 def _simulator_of_law(robot: Robot, term: Term, coefficients: Float[Array, " k"]) -> str | None:
-    """Simulator whose law of dry friction a finding follows; None if it follows the law of the catalogue."""
+    """Name of the simulator whose law of dry friction a finding follows; None if it follows the catalogue's law."""
     assert isinstance(term.effect, Effect)
     if term.joint not in soft_joints(robot):
         return None
@@ -89,7 +92,7 @@ def _simulator_of_law(robot: Robot, term: Term, coefficients: Float[Array, " k"]
 
 @dataclass(frozen=True)
 class FindingWithout:
-    """A finding, the torque of the corrected model without it, and whether it is too small to matter."""
+    """A finding, the torque of the corrected model without this finding, and whether it is too small to matter."""
 
     finding: Finding
     without: Series
@@ -97,40 +100,40 @@ class FindingWithout:
 
 
 def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[FindingWithout, ...]:
-    """Each named effect as a finding, with the torque of the model that has all other findings but not this one.
+    """Each named effect as a finding, with the torque of the corrected model without this finding.
 
     Args:
         shown: The effects that passed all gates.
-        judge: Problem and noise floor.
-        within: Residual of the given model with the best changes within its tolerances.
+        judge: Problem and noise floor of the judged band.
+        within: Residual of the model adjusted within its tolerances.
     """
     plain, problem, chosen, floor = shown.plain, shown.problem, shown.chosen, judge.floor
     robot, after = problem.session.robot, residual_sums_with(plain, chosen)
     fitted = widened_by_rivals(widened_by_tolerances(shown.full_fit, plain, chosen), shown)
-    once, drawn = np.ones((1, len(within.counts))), drawn_blocks(within)
+    equal_weights, drawn = np.ones((1, len(within.counts))), drawn_blocks(within)
     shares = shares_of(judge, plain, shown.named)
-    lines, sines = joints_on_lines(problem.session), problem.session.in_one_sine
-    compensated = joints_with_computed_torque(problem.session)
+    on_lines, in_sines = joints_on_lines(problem.session), problem.session.in_one_sine
+    computed_torque = joints_with_computed_torque(problem.session)
 
-    def gap_share(lost: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judge, within, after, weights)
+    def gap_share(without: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+        return (without.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judge, within, after, weights)
 
     out = []
     for term in ordered(shown.named):
-        lost = residual_sums_with(plain, chosen - {term})
+        without = residual_sums_with(plain, chosen - {term})
         comparison = shown.comparisons[term]
         rows = rows_touched_by(problem, term)
-        if not lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not sines.isdisjoint(rows)):
+        if not on_lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not in_sines.isdisjoint(rows)):
             comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
-        if not compensated.isdisjoint(rows):
+        if not computed_torque.isdisjoint(rows):
             comparison = with_limit(comparison, term, OF_A_MODEL)
-        low, high = np.percentile(gap_share(lost, drawn), [2.5, 97.5])
+        low, high = np.percentile(gap_share(without, drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
             joint=term.joint,
             regime=term.effect.regime,
             parameters=with_unknown_marked(finding_parameters(robot, term, fitted), problem.session, term.joint),
-            gap_closed=float(gap_share(lost, once)[0]),
+            gap_closed=float(gap_share(without, equal_weights)[0]),
             gap_closed_interval=(float(low), float(high)),
             probability=comparison.probability,
             rivals=comparison.rivals,
@@ -139,8 +142,8 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
             share=shares[term],
             law=_simulator_of_law(robot, term, shown.full_fit.coefficients(term)),
         )
-        more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
-        large = large_enough(finding.gap_closed, float(np.max(more / floor)))
+        growth = np.sqrt(np.maximum(without.rms() ** 2 - after.rms() ** 2, 0.0))
+        large = large_enough(finding.gap_closed, float(np.max(growth / floor)))
         plain.record.add_passed([term], large)
         others = shown.named - {term}
         torque = held_out_torque(problem, others, plain.held_out_fit(others))
@@ -149,7 +152,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
 
 
 def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
-    """A note on each voltage-driven joint with a finding of viscous friction or of a late reference.
+    """A note on the sum of a drive for each voltage-driven joint with viscous friction or a late reference as finding.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -161,11 +164,14 @@ def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
         if not recordings or any(one.torque_from.get(joint) != "u" for one in recordings):
             continue
         gains = [0.0 if one.reference_gain is None else float(one.reference_gain[j]) for one in recordings]
-        # Several gains of the controller would determine each part of the sum.
-        one_gain = np.ptp(gains) <= 1e-3 * max(gains)
-        slopes = {term: _per_speed_of(robot, term, j, gains[0]) for term in ordered(shown.named) if one_gain}
+        if not np.ptp(gains) <= 1e-3 * max(gains):
+            # Several gains of the controller determine each part of the sum.
+            continue
         found, loadings = 0.0, []
-        for term, slope in ((term, slope) for term, slope in slopes.items() if slope is not None):
+        for term in ordered(shown.named):
+            slope = _per_speed_of(robot, term, j, gains[0])
+            if slope is None:
+                continue
             (value,) = finding_parameters(robot, term, shown.full_fit).values()
             assert isinstance(value.value, float)
             found += slope * value.value
@@ -180,10 +186,11 @@ def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
 
 
 def volts_notes(shown: Shown) -> tuple[Note, ...]:
-    """A note on joints whose torques may be volts: their torque is scaled, and they have viscous friction.
+    """A note on joints whose recorded torque may be a voltage, because it is scaled and includes viscous friction.
 
-    The voltage of a motor is its torque times resistance over torque constant, plus its speed times torque constant.
-    The torque constant may also be a rival of a finding, as on a single joint a load may look like one.
+    The voltage of a motor is torque times resistance over torque constant, plus speed times torque constant. So a
+    voltage that is taken for a torque looks like a wrong torque constant with viscous friction. The torque constant may
+    be a finding or a rival of a finding, because on a single joint a load may have a similar torque.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -191,30 +198,32 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
     session = shown.problem.session
     named = [term for term in ordered(shown.named) if isinstance(term.effect, Effect) and term.joint]
 
-    def joints_of(effect: str, number: str, is_large: Callable[[float], bool]) -> set[str]:
+    def joints_with(effect: str, parameter: str, is_large: Callable[[float], bool]) -> set[str]:
+        """Joints with a finding of an effect whose parameter is large; a place ``a+b`` is of two joints."""
         own = [term for term in named if term.effect.name == effect]
-        sizes = {term: finding_parameters(session.robot, term, shown.full_fit)[number].value for term in own}
-        large = [str(term.joint) for term, size in sizes.items() if is_large(float(np.ravel(size)[0]))]
-        return {joint for joints in large for joint in joints.split("+")}
+        sizes = {term: finding_parameters(session.robot, term, shown.full_fit)[parameter].value for term in own}
+        places = [str(term.joint) for term, size in sizes.items() if is_large(float(np.ravel(size)[0]))]
+        return {joint for place in places for joint in place.split("+")}
 
+    scaled = joints_with("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
     rivals = [rival for term in ordered(shown.named) for rival in shown.comparisons[term].rivals]
-    scaled = joints_of("torque_constant", "ratio", lambda ratio: abs(ratio - 1.0) > _FAR_FROM_ONE)
     scaling = {term.effect.name for term in shown.plain.terms if term.effect.scales_joint}
-    own = [one.joint for rival in rivals for one in rival.effects if one.joint and one.effect in scaling]
-    as_rivals = {joint for joints in own for joint in joints.split("+")} - scaled
-    computed = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
-    damped = joints_of("viscous_friction", "coefficient", lambda size: size > 0.0) - computed
+    places = [one.joint for rival in rivals for one in rival.effects if one.joint and one.effect in scaling]
+    scaled_by_rivals = {joint for place in places for joint in place.split("+")} - scaled
+    not_torque = {joint for one in session.recordings for joint, source in one.torque_from.items() if source != "tau"}
+    damped = joints_with("viscous_friction", "coefficient", lambda size: size > 0.0) - not_torque
     out = []
-    for among, found in ((scaled, True), (as_rivals, False)):
-        joints = [joint for joint in session.robot.joint_names if joint in among & damped]
+    for candidates, found in ((scaled, True), (scaled_by_rivals, False)):
+        joints = [joint for joint in session.robot.joint_names if joint in candidates & damped]
         out += [Note(Code.PERHAPS_VOLTS, None, {"joints": joints, "found": found})] if joints else []
     return tuple(out)
 
 
 def center_notes(shown: Shown) -> tuple[Note, ...]:
-    """A note on each payload whose place a ``recordings.yaml`` counts from another frame than a finding does.
+    """A note on each found payload whose position has other numbers in a ``recordings.yaml``.
 
-    Findings count from the joint that moves the link, known payloads from the payload frame that the user states.
+    Findings state the position in the frame of the joint that moves the link. A ``recordings.yaml`` states it in the
+    payload frame of the robot.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -222,11 +231,11 @@ def center_notes(shown: Shown) -> tuple[Note, ...]:
     robot, out = shown.problem.session.robot, []
     for term in ordered(shown.named):
         found = finding_parameters(robot, term, shown.full_fit) if term.effect.inertial == "point mass" else {}
-        place = [found[f"center_{axis}"] for axis in "xyz" if f"center_{axis}" in found]
-        if not any(value.shown for value in place):
+        coordinates = [found[f"center_{axis}"] for axis in "xyz" if f"center_{axis}" in found]
+        if not any(value.shown for value in coordinates):
             continue
-        # A part of the place that the motion does not show is written as zero, which leaves the same torque.
-        center = np.array([value.numbers[0] for value in place])
+        # Coordinates that the motion does not determine are near zero by their prior. They do not change the torque.
+        center = np.array([value.numbers[0] for value in coordinates])
         written = written_center(robot, center)
         if not np.allclose(written, center, rtol=0.0, atol=_SAME_PLACE):
             joint = str(robot.model.names[payload_body(robot)])
@@ -235,13 +244,13 @@ def center_notes(shown: Shown) -> tuple[Note, ...]:
 
 
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:
-    """Torque per speed that a unit of an effect's only parameter makes on a joint; None if it makes none.
+    """Torque per speed on a joint for one unit of an effect's only parameter; None if there is no such torque.
 
     Args:
         robot: The given model.
         term: The effect.
         row: Index of the joint.
-        gain: Torque per speed of the reference, by which the loop of the drive responds to a late reference.
+        gain: Torque per unit of the reference [N m/rad or N/m]; zero if the torque does not depend on references.
     """
     effect, joint = term.effect, robot.joint_names[row]
     if not isinstance(effect, Effect) or effect.inertial is not None or term.joint not in (None, joint):
@@ -256,7 +265,7 @@ def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | No
 
 
 def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
-    """A note on each finding of inertial parameters whose intervals end at the limit of possible bodies.
+    """A note on each finding of inertial parameters with intervals that end at the limit of possible bodies.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -269,21 +278,22 @@ def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
 def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, float, str]]:
     """Name, lower end, upper end and unit of each one-sided interval of a finding's parameters.
 
-    The intervals come from random draws of the estimate, each moved to the nearest possible body.
+    The intervals are those of random draws of the estimate, each replaced by the nearest possible body.
     """
     robot, fitted = shown.problem.session.robot, shown.full_fit
     at = fitted.slices_of(term).coefficients
     own, cov = fitted.x[at], fitted.cov[at, at]
     squares, axes = np.linalg.eigh(cov)
-    # The symmetric root: other roots rotate with the rounding of the matrix.
+    # The symmetric root is unique; other roots depend on the rounding of the matrix.
     root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
     bodies = places_among(np.array(term.columns), bodies_of_term(robot, term))
     precision, unbounded = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
     nearest = np.array([_nearest(one, precision, unbounded, bodies) for one in drawn])
     stated, mix = base_parameters(robot, term)
-    (low, high), unrestricted = (np.percentile(some @ mix.T, [2.5, 97.5], axis=0) for some in (nearest, drawn))
-    width = unrestricted[1] - unrestricted[0]
+    low, high = np.percentile(nearest @ mix.T, [2.5, 97.5], axis=0)
+    low_of_draws, high_of_draws = np.percentile(drawn @ mix.T, [2.5, 97.5], axis=0)
+    width = high_of_draws - low_of_draws
     return [
         (one.name, float(low[k]), float(high[k]), one.unit)
         for k, one in enumerate(stated)
@@ -297,7 +307,7 @@ def _nearest(
     unbounded: Float[Array, " k"],
     bodies: list[tuple[Body, Int[Array, " 10"]]],
 ) -> Float[Array, " k"]:
-    """The possible bodies nearest to a draw of the estimate, by the precision of the estimate."""
+    """The possible bodies that are nearest to a draw of the estimate; distances are weighted by ``precision``."""
     if all(body.is_possible(drawn[at]) for body, at in bodies):
         return drawn
     best, _ = possible_minimum(precision, precision @ drawn, (-unbounded, unbounded), drawn, bodies)

@@ -1,9 +1,9 @@
-"""Sums of a few effects that imitate a finding, where joints move along one line or in one sine.
+"""Searches for a few effects whose sum imitates a finding, if joints move along one line or in one sine.
 
-There the torque of every joint is a function of one variable, and a sum of laws may imitate another law. A comparison
-with single effects does not show this. So a search looks for a few effects that together make the torque of a finding,
-while the sizes of the other findings may change. In one sine this concerns loads, links and torque scales: friction can
-be identified there.
+In such motions the torque of each joint is a function of one variable, so that a sum of laws may imitate another law.
+A comparison with single rivals does not show this. So a greedy search adds up to three effects that together make the
+torque of a finding, while the sizes of the other findings may change. In one sine only loads, links and torque scales
+are tested, because friction can be identified there.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from identification.diagnosis.search.search import Search
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.motion import Motion
 
-# Most effects in a sum.
+# Largest number of effects in a sum.
 _MOST = 3
-# Largest probability of a load, of links and of torque scales: sums of more laws than are tried may imitate them.
+# Largest probability of a load, of links and of torque scales in such motions: sums of more effects may imitate them.
 UNCERTAIN = 0.85
-# The same where the torque was computed and not measured: perhaps with the model of another robot.
+# Largest probability of the same findings if the torque was computed and not measured, perhaps with another model.
 OF_A_MODEL = 0.5
 
 
 def joints_on_lines(session: Session) -> frozenset[int]:
-    """Joints that move along one line with others in all recordings, by their indices."""
+    """Indices of the joints that move along one line with other joints in all recordings."""
     velocities = [log.motion.v[log.valid] for log in session.logs]
     return frozenset(row for line in lines_of(np.concatenate(velocities)) for row in line)
 
@@ -45,18 +45,20 @@ def is_inertial_or_scale(term: Term) -> bool:
 
 
 def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
-    """A few effects that imitate one to a tenth of its amplitude, while the others of a set may have any size.
-
-    None if there are no such effects; an empty tuple if the others of the set imitate it without further effects.
+    """Effects whose sum makes the torque of a finding up to a tenth of its amplitude; the others may have any size.
 
     Args:
-        search: Rivals, and their products.
-        chosen: The set.
-        term: One of it.
+        search: Rivals, and the products of their columns.
+        chosen: A set of effects.
+        term: The finding, one effect of the set.
+
+    Returns:
+        The effects; empty if the other effects of the set imitate the finding alone, and None if no sum imitates it.
     """
     a, precision = search.problem.total_a, search.problem.precision
     columns = list(term.columns)
     theta = search.held_out_fit(chosen).theta[columns]
+    # Products of all columns with the torque of the finding, and its sum of squares.
     target = a[:, columns] @ theta
     energy = float(theta @ target[columns])
     if energy <= 0.0:
@@ -71,25 +73,27 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
         and can_join(chosen - {term}, other)
         and other.effect_joint != term.effect_joint
         and not contains(other, term)
-        # Sums with parts of a law are no rivals of that law; but free bodies may stand for a load and other causes.
+        # Special cases of a law do not imitate it. But free inertial parameters may express a load and other causes.
         and (term.effect.inertial == "free" or not contains(term, other))
         and not rows.isdisjoint(rows_touched_by(search.problem, other))
     ]
     taken: tuple[Term, ...] = ()
     for _ in range(_MOST + 1):
-        by = np.array(sorted({*others, *(column for one in taken for column in one.columns)}), dtype=int)
-        inner = a[np.ix_(by, by)] + np.diag(precision[by])
-        x = solve(inner, target[by])
-        if energy - float(target[by] @ x) < rules.SAME_CAUSE * energy:
+        fitted = np.array(sorted({*others, *(column for one in taken for column in one.columns)}), dtype=int)
+        inner = a[np.ix_(fitted, fitted)] + np.diag(precision[fitted])
+        x = solve(inner, target[fitted])
+        if energy - float(target[fitted] @ x) < rules.SAME_CAUSE * energy:
             return taken
         if len(taken) == _MOST or not pool:
             break
-        # Products of all columns with the torque that is not yet imitated, and the part of it that each rival explains.
-        left, gains = target - a[:, by] @ x, []
-        for own in (np.array(one.columns) for one in pool):
-            cross = a[np.ix_(by, own)]
+        # Products of all columns with the part of the torque that is not imitated yet, and the gain of each further
+        # effect: how much of that part it would explain.
+        remaining, gains = target - a[:, fitted] @ x, []
+        for one in pool:
+            own = np.array(one.columns)
+            cross = a[np.ix_(fitted, own)]
             square = a[np.ix_(own, own)] + np.diag(precision[own]) - cross.T @ solve(inner, cross)
-            gains.append(float(left[own] @ solve(square, left[own])))
+            gains.append(float(remaining[own] @ solve(square, remaining[own])))
         taken = (*taken, pool.pop(int(np.argmax(gains))))
     return None
 
@@ -99,7 +103,7 @@ def beside_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | 
 
     Args:
         comparison: Comparison with single rivals.
-        imitation: Effects that make the same torque together; None if there are none.
+        imitation: Result of `imitation_of`.
     """
     effects = tuple(EffectAt(one.effect.name, one.joint) for one in imitation or ())
     if imitation is None or frozenset(effects) in {frozenset(rival.effects) for rival in comparison.rivals}:
@@ -117,13 +121,13 @@ def with_limit(comparison: RivalComparison, term: Term, most: float) -> RivalCom
 
 
 def joints_with_computed_torque(session: Session) -> frozenset[int]:
-    """Joints whose torque was computed from a weight in all recordings, by their indices."""
-    if session.robot.floating:  # under which gravity turns
+    """Indices of the joints whose torque was computed from a weight, and not measured, in all recordings."""
+    if session.robot.floating:  # the direction of gravity changes in the frame of the base
         return frozenset()
     from_weight = np.ones(session.robot.nv, dtype=bool)
     for log in session.logs:
         m, use = log.motion, log.valid_in_band
-        # Accelerations of single samples are noise.
+        # In the band, because accelerations of single samples are noise.
         t, q, v, a, tau = (log.band(x)[use] for x in (m.t, m.q, m.v, m.a, log.tau))
         from_weight &= computed_from_weight(session.robot, Motion(t, q, v, a), tau)
     return frozenset(np.flatnonzero(from_weight).tolist())

@@ -1,4 +1,4 @@
-"""Parts that the model carries on fixed or locked joints, and whose absence explains wrong inertial parameters."""
+"""Finds parts of the model, on fixed or locked joints, whose absence explains wrong inertial parameters."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from phantom_dyn.model.inertia import body_parameters, payload_body
 
 
 def likeliest_missing_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:
-    """The part whose absence explains most of the torque of wrong inertial parameters, with its share and its body.
+    """The part of the model whose absence explains most of the torque of wrong inertial parameters.
 
     Args:
-        problem: Holds the products of their columns.
+        problem: Holds the products of columns.
         term: Free inertial parameters.
-        own: Their changes, ``(k,)``.
+        own: Changes of these parameters, ``(k,)``.
 
     Returns:
-        Share of the squared torque, number of the body, and the part; None if the model carries no part.
+        Explained share of the squared torque, index of the body, and the part; None if the model has no such part.
     """
     robot = problem.session.robot
     # The inertial parameters of all bodies are the columns after the nuisances.
@@ -42,9 +42,10 @@ def likeliest_missing_part(problem: Problem, term: Term, own: Float[Array, " k"]
     found: list[tuple[float, int, Attached]] = []
     for body in range(1, robot.model.njoints):
         for part in robot.attached[body]:
-            left = change.copy()
-            left[10 * (body - 1) : 10 * body] += body_parameters(part.mass, part.center, part.inertia)
-            found.append((1.0 - float(left @ a @ left) / energy, body, part))
+            # The absence of the part is a change by minus its parameters: what remains of the change is the sum.
+            remainder = change.copy()
+            remainder[10 * (body - 1) : 10 * body] += body_parameters(part.mass, part.center, part.inertia)
+            found.append((1.0 - float(remainder @ a @ remainder) / energy, body, part))
     return max(found, key=lambda entry: entry[0], default=None)
 
 
@@ -54,7 +55,7 @@ def payload_term(search: Search) -> Term | None:
 
 
 def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) -> dict[Term, float]:
-    """Share of the squared torque of wrong inertial parameters that the absence of a part of the model explains.
+    """Share of the squared torque of each term of inertial parameters that the absence of a part of the model explains.
 
     Ten free parameters of a link explain a little more than a known part does, as links are never exactly as modelled.
     But a part that is not mounted is the more probable cause.
@@ -74,7 +75,13 @@ def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) ->
 
 
 def bodies_expressing_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[EffectJoint]:
-    """Inertial parameters that express the absence of a part, which a negative payload of the set expresses already."""
+    """Free inertial parameters that would express the absence of a part, as a negative payload of the set does already.
+
+    Args:
+        search: Rivals and fits.
+        chosen: The set.
+        payload: The payload in the set.
+    """
     free = [term for term in search.terms if term.effect.inertial == "free"]
     fits = {term: search.held_out_fit(with_replacement(chosen, payload, frozenset([term]))) for term in free}
     shares = {term: _share_of_part(search.problem, term, fit.theta[list(term.columns)]) for term, fit in fits.items()}
@@ -82,13 +89,13 @@ def bodies_expressing_part(search: Search, chosen: frozenset[Term], payload: Ter
 
 
 def _share_of_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> float:
-    """Share of `likeliest_missing_part` if it is on the payload's link; zero if another part explains more."""
+    """Share of `likeliest_missing_part` if that part is on the link that carries payloads, else zero."""
     found = likeliest_missing_part(problem, term, own)
     return found[0] if found is not None and found[1] == payload_body(problem.session.robot) else 0.0
 
 
 def missing_part_notes(problem: Problem, term: Term, own: Float[Array, " k"]) -> list[Note]:
-    """A note where the absence of a part explains most of what inertial parameters explain."""
+    """A note if the absence of a part explains most of what inertial parameters explain."""
     found = likeliest_missing_part(problem, term, own)
     if found is None or found[0] < special_case.PART_SHARE:
         return []

@@ -1,8 +1,9 @@
-"""Probability that a structure without a name takes the place of a finding: a cause outside of the catalogue.
+"""Lowers the probability of a finding if a cause outside the catalogue may explain the recordings as well.
 
-The search claims a structure only if it gains more than the best effects, as structures are flexible. That a structure
-does not gain more does not show that the effect is there: a contact that acts over half of a motion leaves the torque
-of a spring. So structures are compared with a finding in the replicates in which its rivals are.
+Structures without a name stand for causes outside the catalogue. Because they are flexible, the search claims one only
+if it gains more than the best effects. But an effect may gain as much without being the cause: a contact over half of a
+motion has a torque like that of a spring. So structures are compared with a finding in the same bootstrap replicates as
+its rivals.
 """
 
 from __future__ import annotations
@@ -31,20 +32,20 @@ def beside_structures(
     comparison: RivalComparison,
     other_conditions: tuple[Search, ...],
 ) -> RivalComparison:
-    """The comparison, with lower probabilities of the finding and its rivals where a structure fits as well.
+    """The comparison, with lower probabilities of the finding and its rivals if structures win some replicates.
 
     Args:
         search: Effects and structures.
         chosen: A set of effects.
-        term: One of them, the finding.
+        term: The finding, one effect of the set.
         comparison: Comparison of the finding with its rivals of the catalogue.
-        other_conditions: Searches under conditions that should not matter, as for these rivals.
+        other_conditions: The search under other conditions that should not change the result.
     """
     known = _share_of_known(search, chosen, term, comparison, other_conditions)
     if known > 1.0 - contract_levels.LISTED:
         return comparison
     kept = [rival for rival in comparison.rivals if known * rival.probability >= contract_levels.LISTED]
-    # Finding and listed rivals have the whole share of the catalogue.
+    # Rivals that are no longer listed leave their probability to the finding and the other rivals.
     factor = known / (comparison.probability + sum(rival.probability for rival in kept))
     rivals = tuple(Rival(rival.effects, factor * rival.probability) for rival in kept)
     return replace(comparison, probability=factor * comparison.probability, rivals=rivals)
@@ -57,7 +58,7 @@ def _share_of_known(
     comparison: RivalComparison,
     other_conditions: tuple[Search, ...],
 ) -> float:
-    """Share of the replicates in which the finding or one of its rivals costs less than all structures."""
+    """Share of the replicates in which the finding or one of its rivals costs less than each structure."""
     structures = _sets_with_structure(search, chosen, term)
     if not structures:
         return 1.0
@@ -66,9 +67,9 @@ def _share_of_known(
 
     def losses_and_costs(fits: Search) -> tuple[Float[Array, "B m"], Costs]:
         held_out = np.array([fits.held_out_fit(one).loss for one in sets]).T
-        # A structure is so flexible that it gains this much from errors of the laws that it replaces.
-        errors = np.where(is_known, 0.0, exchange.NAMELESS_ACCURACY * explained_loss(fits, chosen, term))
-        return held_out, tuple(cost + errors for cost in costs_of(fits, sets, [False] * len(sets)))
+        # A structure is so flexible that it gains this much from errors of the law that it replaces.
+        spurious_gain = np.where(is_known, 0.0, exchange.NAMELESS_ACCURACY * explained_loss(fits, chosen, term))
+        return held_out, tuple(cost + spurious_gain for cost in costs_of(fits, sets, [False] * len(sets)))
 
     conditions = [losses_and_costs(other) for other in other_conditions]
     won = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))
@@ -76,7 +77,7 @@ def _share_of_known(
 
 
 def _sets_with_structure(search: Search, chosen: frozenset[Term], term: Term) -> list[frozenset[Term]]:
-    """Sets with a structure in place of a finding, on a joint of it, without those that are far worse."""
+    """Sets in which a structure on a joint of a finding replaces the finding; sets that fit far worse are left out."""
     rows, others = rows_touched_by(search.problem, term), chosen - {term}
     swapped = [
         with_replacement(chosen, term, search.alone[structure])

@@ -1,4 +1,4 @@
-"""Parameters of the findings with standard deviations, from the coefficients of the fit of the whole model."""
+"""Parameters of findings with their standard deviations, from the fit of the whole model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-# A recording does not show a number whose standard deviation is more than this share of that of its prior.
+# If the standard deviation of a number is more than this share of that of its prior, the recording does not determine
+# the number.
 _OF_PRIOR = 0.5
 _SAMPLES = 200  # random postures; they give far more rows than an effect has base parameters
 
@@ -26,9 +27,9 @@ def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, V
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
     Standard deviations are those of the fit of all parameters, propagated through the law to first order. They are
-    infinite for numbers of which the recordings show hardly more than the prior: their value and their deviation are
-    those of the prior. Of inertial parameters only the base parameters are given, as motion determines no others. If
-    the parameters of an effect are lists, so are their values and standard deviations.
+    infinite for numbers with more than half the standard deviation of their prior: the recordings hardly determine
+    these. Of inertial parameters only the base parameters are returned, because motion determines no others. If the
+    parameters of an effect are lists, so are their values and standard deviations.
 
     Args:
         robot: The given model.
@@ -45,10 +46,10 @@ def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, V
 
 
 def finding_loadings(robot: Robot, term: Term, fitted: FullFit) -> tuple[tuple[float, ...], ...]:
-    """Rows of a square root of the covariance of all findings' parameters, for the parameters of one finding.
+    """Rows of one finding's parameters in a square root of the covariance of all findings' parameters.
 
-    One row per parameter (per entry of a list), in the order of `finding_parameters`. The covariance of any two
-    parameters, also of different findings, is the inner product of their rows.
+    There is one row for each parameter (each entry of a list), in the order of `finding_parameters`. The covariance of
+    any two parameters, also of different findings, is the inner product of their rows.
 
     Args:
         robot: The given model.
@@ -56,16 +57,16 @@ def finding_loadings(robot: Robot, term: Term, fitted: FullFit) -> tuple[tuple[f
         fitted: Fit of the whole model.
     """
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
-    # The symmetric root is unique; others depend on the rounding of the matrix.
-    shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[fitted.slices_of(term).indices]
+    # The symmetric root is unique; other roots depend on the rounding of the matrix.
+    root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     _, _, slope = _stated_law(robot, term, fitted)
-    return tuple(tuple(row) for row in (slope @ shared).tolist())
+    return tuple(tuple(row) for row in (slope @ root[fitted.slices_of(term).indices]).tolist())
 
 
 def _stated_law(
     robot: Robot, term: Term, fitted: FullFit
 ) -> tuple[tuple[Parameter, ...], Float[Array, " p"], Float[Array, "p k"]]:
-    """Stated parameters, their values, and their derivatives with respect to the fitted parameters."""
+    """Parameters as the report states them, their values, and their derivatives by the fitted parameters."""
     effect, slices = term.effect, fitted.slices_of(term)
     at, count = slices.indices, slices.count
     assert isinstance(effect, Effect)
@@ -78,7 +79,7 @@ def _stated_law(
     values = law(x)
     slope = np.empty((len(values), len(x)))
     for k in range(len(x)):
-        # For a step of a hundredth of a standard deviation every law is linear.
+        # Every law is nearly linear over a hundredth of a standard deviation.
         step = 0.01 * np.sqrt(max(cov[k, k], 1e-30))
         shifted = x.copy()
         shifted[k] += step
@@ -89,7 +90,7 @@ def _stated_law(
 def _values_by_name(
     parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"], *, lists: bool
 ) -> dict[str, Value]:
-    """Values by name; if the parameters are ``lists``, each value is a list, all of the same length."""
+    """Value of each parameter by name; if ``lists``, each parameter has an equal number of consecutive values."""
     if not lists:
         return {p.name: Value(float(v), float(s), p.unit) for p, v, s in zip(parameters, values, std, strict=True)}
     each = len(values) // len(parameters)
@@ -121,13 +122,13 @@ def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Fl
 
 
 def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
-    """Regressor at independent random samples; of a linkage in postures that it can reach."""
+    """Regressor at independent random samples; for a linkage, in postures that its loops allow."""
     rng = random_stream("draws of parameters")
     q, v, a = (rng.uniform(-3, 3, (_SAMPLES, robot.nv)) for _ in range(3))
     if not solved_numerically(robot):
         base = any_base_motion(rng, _SAMPLES) if robot.floating else None
         return rigid_body_regressor(robot, Motion(np.arange(float(_SAMPLES)), q, v, a, base=base))
-    # Every other posture is the start of the chain, from which its loops can be closed at the next one.
+    # Every other posture is a start from which the loops can be closed at the next posture; starts are left out below.
     q = with_start_between(robot, ordinary_postures(robot, _SAMPLES))
     v, a = (np.repeat(part, 2, axis=0)[: len(q)] for part in (v, a))
     return rigid_body_regressor(robot, Motion(np.arange(float(len(q))), q, v, a))[1::2]

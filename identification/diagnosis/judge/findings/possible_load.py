@@ -1,4 +1,4 @@
-"""Loads with an inertia of their own: changes of the link that carries a load, such as a body that exists makes."""
+"""Recognises a load with a moment of inertia of its own in the found change of the link that carries loads."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import has_known_centre, payload_body
 from phantom_dyn.model.robot import Robot
 
-# Standard deviations by which a principal value of a body that exists may be below zero.
+# A body counts as possible if no eigenvalue of its pseudo-inertia is negative by more than this many standard
+# deviations.
 _BELOW = 2.0
 
 
 def possible_load_notes(robot: Robot, term: Term, own: Float[Array, " k"], cov: Float[Array, "k k"]) -> list[Note]:
-    """A note where wrong inertial parameters of the link that carries a load are those of a body that exists.
+    """A note if the found change of the link that carries loads may be an additional body, such as a bar or a disc.
 
-    The law of a payload is a point mass. A bar or a disc on the last axis turns about itself, and only free inertial
-    parameters express that. No data separate it from a link that differs by as much.
+    The law of a payload is a point mass. A bar or a disc that turns about the last axis has a moment of inertia of its
+    own, which only free inertial parameters express. No data distinguish such a load from a change of the link itself.
 
     Args:
         robot: The given model.
         term: Free inertial parameters.
-        own: Their changes, ``(k,)``.
-        cov: Covariance of these.
+        own: Changes of these parameters, ``(k,)``.
+        cov: Covariance of the changes, ``(k, k)``.
     """
     first = 10 * (payload_body(robot) - 1)
     if term.effect.regressor_columns(robot, term.joint) != tuple(range(first, first + 10)):
@@ -35,7 +36,8 @@ def possible_load_notes(robot: Robot, term: Term, own: Float[Array, " k"], cov: 
         return []
     values, vectors = np.linalg.eigh(pseudo_inertia(own))
     slopes = np.einsum("ia,kij,ja->ak", vectors, PSEUDO, vectors)
-    if np.any(values < -_BELOW * np.sqrt(np.einsum("ak,kl,al->a", slopes, cov, slopes))):
+    stds = np.sqrt(np.einsum("ak,kl,al->a", slopes, cov, slopes))
+    if np.any(values < -_BELOW * stds):
         return []
     numbers = {"mass": mass, "std": std, "center": tuple((own[1:4] / mass).tolist())}
     return [Note(Code.POSSIBLE_LOAD, term.joint, numbers)]

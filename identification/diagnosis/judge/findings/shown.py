@@ -1,8 +1,9 @@
-"""The loop of the judge: every gate is applied to all remaining effects, and the effect that fails worst is removed.
+"""The loop of the judge: tests the effects that the search has found, gate by gate, until all shown effects pass.
 
-The search keeps shapes fixed and uses other weights than the fit that states sizes. So its result is tested again in
-the band in which gaps are measured, gate by gate in the order of `identification.gates.GATES`, those of rivals last, as
-they cost most. After each change the loop begins with the first gate again. All results are recorded.
+The search keeps the shapes of laws constant and uses other weights than the final fit, from which sizes are stated. So
+its result is tested again in the judged band. The order of the gates is that of `identification.gates.GATES`; those
+that compare rivals are last, because they take longest. A gate removes or replaces the effect that fails worst, and
+then the loop begins with the first gate again. All results are recorded for the ledger.
 """
 
 from __future__ import annotations
@@ -40,11 +41,13 @@ from identification.gates.in_band import closes_for_sure
 from identification.gates.moved_joints import shown_above_noise
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
+from phantom_dyn.array_types import Array, Bool
 
-# Largest number of sets that are compared if a rival is more probable in each; the set with the least excess is shown.
+# Largest number of sets whose effects are compared with rivals, if in each set some rival is more probable than a
+# finding. After that, the set in which a rival leads by least is shown.
 _MOST_LEADERS = 8
 
-# Gives the state without an effect, and the effects that replace it.
+# Function that returns the state without an effect, and the effects that replace it.
 _Removal = Callable[[State, Term], tuple[State, Iterable[Term]]]
 
 
@@ -56,52 +59,50 @@ def after_motion_gate(bench: Bench, state: State) -> State:
 def shown_effects(bench: Bench, state: State) -> Shown:
     """Effects that pass every gate of the judge.
 
-    An effect that a rival has replaced does not come back while that rival is in the set. It may happen that in every
-    set a rival is more probable than a finding. Then the set with the smallest excess is shown, and the finding and its
-    rival get equal probabilities.
+    An effect that was replaced by a rival does not return while the rival is in the set. It may happen that in each set
+    a rival is more probable than a finding. Then the set in which the rival leads by least is shown, and the finding
+    and this rival get equal probabilities.
     """
-    steps = (
-        _motion_gate,
-        _closing_gate,
-        _noise_gate,
-        _simpler_law_gate,
-        _missing_part_gate,
-        _rival_gate,
-    )
+    steps = (_motion_gate, _closing_gate, _noise_gate, _simpler_law_gate, _missing_part_gate, _rival_gate)
     return _until_all_pass(bench, state, steps).compared_sets[-1]
 
 
 def _until_all_pass(bench: Bench, state: State, steps: tuple[Callable[[Bench, State], State], ...]) -> State:
     """The state after all steps, repeated until a whole round changes nothing."""
 
-    def unless_done(step: Callable[[Bench, State], State]) -> Callable[[State], State]:
-        return lambda now: now if now.done else _with_exchanges_undone(bench, now, step(bench, now))
+    def apply(step: Callable[[Bench, State], State], before: State) -> State:
+        return before if before.done else _with_exchanges_undone(bench, before, step(bench, before))
 
-    return until_nothing_changes(state, [unless_done(step) for step in steps])
+    return until_nothing_changes(state, [partial(apply, step) for step in steps])
 
 
 def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
-    """The state with an exchange undone if one of its rivals has failed a gate: the effects that they replaced return.
+    """The state after a step. If a rival failed in this step, the effects that it had replaced return to the set.
 
-    If several rivals replaced an effect and one of them has failed, the others alone may explain less than the effect.
-    The effect returns, and the failed rival is barred. If a single rival replaced it, the failed rival may exist and be
-    too small to be shown. The effect then returns only if no other rival was more probable, and the failed rival
-    remains its rival with the same probability. Rivals that are parts of the effect count as a single rival.
+    If several rivals replaced an effect and one of them failed, the others alone may explain less than the effect. So
+    the effect returns, and the failed rival is barred. If a single rival replaced an effect and failed, the rival may
+    exist and be too small to be shown. So the effect returns only if no other rival was more probable, and the failed
+    rival remains its rival, but may not replace it again. Rivals that are parts of the effect count as a single rival.
     """
-    fallen = before.shown - after.shown
-    if not fallen or after.shown - before.shown:
+    failed = before.shown - after.shown
+    if not failed or after.shown - before.shown:
         return after
-    for gone, rivals in after.exchanges:
-        single = len(rivals) == 1 or any(are_parts(rivals, term) for term in gone)
-        if not rivals & fallen or (single and not _no_other_rival_likelier(rivals, gone, after.compared_sets)):
+    for replaced, rivals in after.exchanges:
+        if not rivals & failed:
+            continue
+        single = len(rivals) == 1 or any(are_parts(rivals, term) for term in replaced)
+        if single and not _no_other_rival_likelier(rivals, replaced, after.compared_sets):
             continue
         found = after.found - rivals
-        for term in ordered(gone):
+        for term in ordered(replaced):
             found = with_term(found, term) if can_join(found, term) else found
-        causes = frozenset(term.effect_joint for term in rivals & fallen)
-        for term in ordered(rivals & fallen) if rivals - fallen else ():
-            bench.record.add_failed(rivals - fallen, *bench.record.results_of(term.effect_joint)[-1:], replaced_by=gone)
-        displaced = after.displaced - {term.effect_joint for term in gone}
+        if rivals - failed:
+            # The other rivals leave the set, too, by the same result of a gate.
+            for term in ordered(rivals & failed):
+                last_result = bench.record.results_of(term.effect_joint)[-1:]
+                bench.record.add_failed(rivals - failed, *last_result, replaced_by=replaced)
+        causes = frozenset(term.effect_joint for term in rivals & failed)
+        displaced = after.displaced - {term.effect_joint for term in replaced}
         return replace(
             after.with_others(found),
             barred=after.barred if single else after.barred | causes,
@@ -111,19 +112,25 @@ def _with_exchanges_undone(bench: Bench, before: State, after: State) -> State:
     return after
 
 
-def _no_other_rival_likelier(rivals: frozenset[Term], gone: frozenset[Term], compared_sets: tuple[Shown, ...]) -> bool:
-    """True if no rival other than these was more probable than an effect that they replaced."""
+def _no_other_rival_likelier(
+    rivals: frozenset[Term], replaced: frozenset[Term], compared_sets: tuple[Shown, ...]
+) -> bool:
+    """True if no other rival was more probable than an effect that ``rivals`` replaced, when last compared."""
     causes = {term.effect_joint for term in rivals}
-    comparisons = next((shown.comparisons for shown in reversed(compared_sets) if gone & shown.comparisons.keys()), {})
-    return not any(
-        rival.probability > comparison.probability and {(e.effect, e.joint) for e in rival.effects} != causes
-        for comparison in (comparisons[term] for term in gone & comparisons.keys())
-        for rival in comparison.rivals
-    )
+    for shown in reversed(compared_sets):
+        compared = replaced & shown.comparisons.keys()
+        if compared:
+            return not any(
+                rival.probability > shown.comparisons[term].probability
+                and {(one.effect, one.joint) for one in rival.effects} != causes
+                for term in compared
+                for rival in shown.comparisons[term].rivals
+            )
+    return True
 
 
 def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], without: _Removal) -> State:
-    """The state without the effect that fails a gate worst; the same state if all pass. Results are recorded."""
+    """The state after ``without`` has removed the effect that fails a gate worst, if any; results are recorded."""
     for term, result in results.items():
         if result.passed:
             bench.record.add_passed([term], result)
@@ -136,12 +143,12 @@ def _without_worst(bench: Bench, state: State, results: dict[Term, GateResult], 
 
 
 def _hide(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-    """The state without an effect that is too small to be shown; rivals are still compared with it in the set."""
+    """The state in which an effect is no longer shown, but remains in the set in which rivals are compared."""
     return replace(state, shown=state.shown - {term}), ()
 
 
 def _motion_gate(bench: Bench, state: State) -> State:
-    """The state without the effect that gains least where the motion is far above the noise."""
+    """The state after the gate `shown_by_motion`: is an effect visible where the motion is far above the noise?"""
     if not any(depends_on_acceleration(term) for term in state.shown):
         return state
     search, terms = bench.with_strong_motion(state.found | state.shown)
@@ -149,22 +156,26 @@ def _motion_gate(bench: Bench, state: State) -> State:
 
 
 def _closing_gate(bench: Bench, state: State) -> State:
-    """The state without the effect that fails the gate `closes_for_sure` worst; a rival that passes replaces it."""
+    """The state after the gate `closes_for_sure`: does an effect close a part of the gap for sure?
+
+    An effect that fails is replaced by its most probable rival that passes, if there is one.
+    """
     if not state.shown:
         return state
     squares_of, sound = bench.subset_residuals(state.found | state.shown), bench.residuals.judge_of(state.shown).sound
     least_shares = least_shares_closed(squares_of, state.shown, sound)
     named = frozenset(term for term in state.shown if term.named)
     if named != state.shown:
-        # Structures without a name are not in the corrected model. An effect that closes the gap only with such a
-        # structure would enlarge the gap of the corrected model.
-        beside_named = least_shares_closed(squares_of, named, sound)
-        least_shares = {term: min(share, beside_named.get(term, share)) for term, share in least_shares.items()}
+        # Structures without a name are not in the corrected model. An effect that closes the gap only together with
+        # such a structure would enlarge the gap of the corrected model.
+        without_structures = least_shares_closed(squares_of, named, sound)
+        least_shares = {term: min(share, without_structures.get(term, share)) for term, share in least_shares.items()}
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-        # An effect that closes some of the gap, but not everywhere, may be the wrong law of the right joint.
-        closes = least_shares[term] > -1.0 and term.named and term in state.found
-        if not closes or term.effect_joint in state.compared:
+        # An effect that closes a part of the gap, but not for sure, may be the wrong law on the right joint: its rivals
+        # are tested, once.
+        closes_some = least_shares[term] > -1.0 and term.named and term in state.found
+        if not closes_some or term.effect_joint in state.compared:
             return _hide(state, term)
         state = replace(state, compared=state.compared | {term.effect_joint})
         rival_set = _rival_that_closes(bench, state, term)
@@ -178,13 +189,13 @@ def _closing_gate(bench: Bench, state: State) -> State:
 
 
 def _compared(bench: Bench, state: State, term: Term) -> RivalComparison:
-    """Comparison of a finding with its rivals, under all conditions that should not change the result."""
-    beyond = losses_beyond(bench, state.found, term, state.barred)
-    return compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions, beyond)
+    """Comparison of a finding with its rivals, also under other conditions that should not change the result."""
+    increases = losses_beyond(bench, state.found, term, state.barred)
+    return compare_with_rivals(bench.search, state.found, term, state.barred, bench.other_conditions, increases)
 
 
 def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term] | None:
-    """The set with the most probable rival of an effect that passes the gate `closes_for_sure`; None if none does."""
+    """The set with the most probable rival that passes the gate `closes_for_sure`; None if no rival passes."""
     comparison = _compared(bench, state, term)
     for found, _ in sorted(comparison.rival_sets, key=lambda rival_set: -rival_set[1]):
         rivals = found - state.found
@@ -198,8 +209,8 @@ def _rival_that_closes(bench: Bench, state: State, term: Term) -> frozenset[Term
 
 
 def _noise_gate(bench: Bench, state: State) -> State:
-    """The state without the effect that noise may imitate and without which there would be no gap."""
-    # A barred effect is in the set only as the special case of another law, and it has failed a gate before.
+    """The state after the gate `shown_above_noise`: is an effect that noise may imitate more than noise?"""
+    # A barred effect is in the set only if it replaced another law as its special case. It has failed a gate before.
     imitable = [
         term for term in ordered(state.shown) if noise_may_imitate(term) and term.effect_joint not in state.barred
     ]
@@ -218,44 +229,49 @@ def _noise_gate(bench: Bench, state: State) -> State:
 
 
 def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
-    """Gain of an effect in sample with the largest possible noise of each joint, and the gain by chance.
+    """In-sample gain of an effect if each joint has its largest possible noise, and the gain by chance.
 
-    Joints count that have a gap without the effect and none with it. Most of the largest possible noise is friction in
-    doubt, which recurs with the motion: no chance limits what an effect gains of it. But its shape is hardly ever that
-    of an effect, so that it leaves a gap. The fits are weighted by the noise that flexible fits leave, which may be too
-    small.
+    Only joints count that have a gap without the effect and no gap with it. The reason: most of the largest possible
+    noise is uncertain friction, which repeats with the motion, so that the gain of an effect from it has no limit by
+    chance. But uncertain friction hardly ever has the shape of an effect, so that a gap would remain with the effect.
+    Gains are reduced by the squared ratio of the noise by which fits are weighted to the largest possible noise.
     """
+
+    def has_gap(terms: frozenset[Term]) -> Bool[Array, " nv"]:
+        allowed = contract_levels.FLOORS_LEFT * bench.residuals.judge_of(terms).floor
+        return residual_sums_with(bench.plain, terms).rms() > allowed
+
     fits, problem, others = bench.search.fits, bench.search.problem, shown - {term}
-    weighted = residual_sums(problem, problem.session.in_judged_band(bench.noise)).rms()
-    judge = bench.residuals.judge_of(others)
-    has_gap, has_gap_with = (
-        residual_sums_with(bench.plain, terms).rms()
-        > contract_levels.FLOORS_LEFT * bench.residuals.judge_of(terms).floor
-        for terms in (others, shown)
-    )
-    gains = np.where(has_gap & ~has_gap_with, fits.row_losses(others) - fits.row_losses(shown), 0.0)
-    noise_ratio = weighted / np.maximum(np.maximum(judge.highest, weighted), 1e-300)
+    noise_of_weights = residual_sums(problem, problem.session.in_judged_band(bench.noise)).rms()
+    largest_noise = np.maximum(bench.residuals.judge_of(others).highest, noise_of_weights)
+    counted = has_gap(others) & ~has_gap(shown)
+    gains = np.where(counted, fits.row_losses(others) - fits.row_losses(shown), 0.0)
+    noise_ratio = noise_of_weights / np.maximum(largest_noise, 1e-300)
     return float(gains @ noise_ratio**2), bench.search.threshold.of(term)
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
-    """The state without an effect that noise may imitate, which is excluded as a rival, too."""
+    """The state without an effect, in all its shapes, which is also excluded as a rival."""
     found = frozenset(other for other in state.found if other.effect_joint != term.effect_joint)
     return replace(state, found=found, shown=state.shown & found, barred=state.barred | {term.effect_joint}), ()
 
 
 def _simpler_law_gate(bench: Bench, state: State) -> State:
-    """The state with an effect replaced by its special case, or removed, where neither fit distinguishes the two."""
+    """The state after the gate `differs_from_simpler`: does an effect differ from zero or from a simpler law?
+
+    An effect that fails is removed, or replaced by the simpler law. The gate is applied to the plain fit, and then, if
+    the effect fails in comparison with a simpler law, to the whitened fit.
+    """
     robot, fitted = bench.plain.problem.session.robot, bench.fit(state.shown)
-    white = bench.search.held_out_fit(state.found)
+    whitened = bench.search.held_out_fit(state.found)
     nearest = ((term, nearest_case(robot, term, fitted)) for term in ordered(state.shown) if term.named)
     cases = {term: case for term, case in nearest if case is not None}
     results = {term: differs_from_simpler(certain) for term, (certain, _) in cases.items()}
     for term, (certain, laws) in cases.items():
         uncertain = not results[term].passed and laws and certain > 0.0 and term in state.found
-        if uncertain and simplest_effects(robot, term, white) == (term.effect_joint,):
-            case = nearest_case_at_shape(robot, term, white, laws)
-            # None if the simpler law has another shape: the shape is constant in this fit, which says nothing about it.
+        if uncertain and simplest_effects(robot, term, whitened) == (term.effect_joint,):
+            case = nearest_case_at_shape(robot, term, whitened, laws)
+            # None if the simpler law is a limit of the shape, which is constant in this fit.
             if case is not None:
                 results[term] = differs_from_simpler(case[0])
 
@@ -273,7 +289,10 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
 
 
 def _missing_part_gate(bench: Bench, state: State) -> State:
-    """The state with inertial parameters replaced by a payload, where they express the absence of a part."""
+    """The state after the gate `more_than_a_missing_part`: do inertial parameters express only an absent part?
+
+    Inertial parameters that fail are replaced by a payload, which may be negative.
+    """
     shares = missing_part_shares(bench.plain, state.shown, bench.fit(state.shown))
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
@@ -288,7 +307,10 @@ def _missing_part_gate(bench: Bench, state: State) -> State:
 
 
 def _rival_gate(bench: Bench, state: State) -> State:
-    """The state with findings replaced by more probable rivals, as long as that leads to new sets."""
+    """The state after the comparison of all findings with their rivals.
+
+    More probable rivals replace findings, as long as this leads to a new set. Otherwise the result is reached.
+    """
     named = [term for term in ordered(state.shown) if term.named]
     comparisons = {term: _compared(bench, state, term) for term in named}
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), comparisons, state.found)
@@ -297,12 +319,13 @@ def _rival_gate(bench: Bench, state: State) -> State:
     found = with_replacements(state.found, replacements, set(state.displaced))
     finished = not replacements or found == state.found or len(compared_sets) == _MOST_LEADERS
     if finished and replacements:
-        least = min(compared_sets, key=lambda each: max(map(_lead_of_rival, each.comparisons.values()), default=0.0))
-        for term in ordered(frozenset(named) - least.chosen):
+        # In each set a rival is more probable than a finding: take the set in which a rival leads by least.
+        result_set = min(compared_sets, key=_largest_lead)
+        for term in ordered(frozenset(named) - result_set.chosen):
             best_rival = max((rival.probability for rival in comparisons[term].rivals), default=0.0)
             result = likelier_than_rivals(comparisons[term].probability, best_rival, leads=False)
-            bench.record.add_failed([term], result, replaced_by=least.chosen - state.shown)
-        comparisons, compared_sets = least.comparisons, (*compared_sets, least)
+            bench.record.add_failed([term], result, replaced_by=result_set.chosen - state.shown)
+        comparisons, compared_sets = result_set.comparisons, (*compared_sets, result_set)
     if finished:
         comparisons = {term: with_equal_probabilities(each) for term, each in comparisons.items()}
         comparisons = _beside_structures(bench, compared_sets[-1].all_found, comparisons)
@@ -322,7 +345,7 @@ def _rival_gate(bench: Bench, state: State) -> State:
 def _beside_structures(
     bench: Bench, found: frozenset[Term], comparisons: dict[Term, RivalComparison]
 ) -> dict[Term, RivalComparison]:
-    """The comparisons of a set, with lower probabilities where a cause outside of the catalogue fits as well."""
+    """The comparisons of a set, with lower probabilities if a cause outside the catalogue may fit as well."""
     search, conditions = bench.search, bench.other_conditions
     return {term: beside_structures(search, found, term, each, conditions) for term, each in comparisons.items()}
 
@@ -330,28 +353,36 @@ def _beside_structures(
 def with_replacements(
     chosen: frozenset[Term], replacements: list[frozenset[Term]], displaced: set[EffectJoint]
 ) -> frozenset[Term]:
-    """The set after all replacements on different joints that bring back no replaced effect.
+    """The set after several replacements, each given as the set after it alone; ``displaced`` effects do not return.
 
-    Of two replacements on the same joint only the first is made. The second is compared again with the new set.
+    Of two replacements on the same joint only the first is made; the second is compared again in the new set. A
+    replacement that concerns the whole robot is made only if it is the first, and then it is the only one.
     """
     out, changed = chosen, set[str | None]()
     for replacement in replacements:
         joints = {term.joint for term in chosen ^ replacement}
-        separate = joints.isdisjoint(changed) and None not in changed and (None not in joints or not changed)
+        whole_robot = None in joints | changed
+        separate = not changed if whole_robot else joints.isdisjoint(changed)
         if separate and displaced.isdisjoint(term.effect_joint for term in replacement - chosen):
             out, changed = (out - (chosen - replacement)) | (replacement - chosen), changed | joints
     return out
 
 
-def _lead_of_rival(comparison: RivalComparison) -> float:
-    """Probability of the best rival less that of the finding; zero if the rival is not more probable."""
-    return comparison.rivals[0].probability - comparison.probability if comparison.leading_set is not None else 0.0
+def _largest_lead(shown: Shown) -> float:
+    """Largest lead of a rival over its finding in a set, in probability; zero if no rival leads."""
+    return max(
+        (
+            one.rivals[0].probability - one.probability if one.leading_set is not None else 0.0
+            for one in shown.comparisons.values()
+        ),
+        default=0.0,
+    )
 
 
 def with_equal_probabilities(comparison: RivalComparison) -> RivalComparison:
-    """The comparison in which a finding and the rivals that are more probable than it have equal probabilities.
+    """The comparison in which a finding and its more probable rivals have equal probabilities.
 
-    Such rivals do not replace the finding, as that gives a set that was seen before, or their sizes are not plausible.
+    Such rivals cannot replace the finding: the resulting set was compared before, or their sizes are implausible.
     """
     if all(rival.probability <= comparison.probability for rival in comparison.rivals):
         return comparison
@@ -359,8 +390,8 @@ def with_equal_probabilities(comparison: RivalComparison) -> RivalComparison:
     for rival in comparison.rivals:
         if rival.probability > np.mean(shares):
             shares.append(rival.probability)
-    even, above = float(np.mean(shares)), len(shares) - 1
-    likelier = (replace(rival, probability=even) for rival in comparison.rivals[:above])
-    gates = (likelier_than_rivals(even, even, leads=True),)
-    rivals = (*likelier, *comparison.rivals[above:])
-    return replace(comparison, probability=even, rivals=rivals, leading_set=None, gates=gates)
+    equal, count = float(np.mean(shares)), len(shares) - 1
+    equal_rivals = (replace(rival, probability=equal) for rival in comparison.rivals[:count])
+    gates = (likelier_than_rivals(equal, equal, leads=True),)
+    rivals = (*equal_rivals, *comparison.rivals[count:])
+    return replace(comparison, probability=equal, rivals=rivals, leading_set=None, gates=gates)

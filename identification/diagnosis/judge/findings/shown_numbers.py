@@ -1,12 +1,12 @@
 # pyright: reportAttributeAccessIssue=false
-"""Which parameters of a finding the recordings determine, and their standard deviations under rival explanations.
+"""Marks parameters that the recordings do not determine, and enlarges standard deviations for what the fit assumes.
 
-Some parameters of an effect leave no torque in a recording, such as the position of a load along the axis of every
-joint. The fit gives them a value with a standard deviation of metres, which must not be reported as a measurement.
+Some parameters of an effect have no influence on the torque, such as the position of a load along parallel joint axes.
+The fit gives them a value with a standard deviation of metres, which must not be reported as a measurement.
 
-The fit assumes that the model's numbers stay within their tolerances and that every finding is the true cause. Where
-either is in doubt, the standard deviation includes the change of the parameter in the other case (law of total
-variance).
+The fit assumes that the numbers of the model are within their tolerances, and that each finding is the true cause. If
+an assumption is doubtful, the parameters are fitted without it, too. The change of each parameter is then included in
+its standard deviation (law of total variance).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
-# A parameter is unknown if its standard deviation exceeds this share of its plausible size and of its own value.
+# A parameter is unknown if its standard deviation exceeds this share of its plausible size and this share of its value.
 _UNKNOWN = 0.5
 
 
@@ -49,7 +49,7 @@ def with_unknown_marked(values: Mapping[str, Value], session: Session, joint: st
 
 
 def _unknown_marked(value: Value, limit: float | None) -> Value:
-    """A parameter, with an infinite standard deviation where that exceeds both its limit and half of its value."""
+    """A parameter with infinite standard deviations in place of those above both the limit and half of the value."""
     if limit is None:
         return value
     std, sizes = (np.atleast_1d(np.asarray(part, dtype=float)) for part in (value.std, value.value))
@@ -59,7 +59,7 @@ def _unknown_marked(value: Value, limit: float | None) -> Value:
 
 
 def _largest_known_std(session: Session, joint: str | None) -> dict[str, float]:
-    """Largest standard deviation with which a parameter counts as known, by unit."""
+    """Limits of `_unknown_marked` by unit: half of the plausible size of a parameter with that unit."""
     robot = session.robot
     reach, mass = reach_of(robot), float(sum(inertia.mass for inertia in robot.model.inertias[1:]))
     out = {"m": reach, "kg m": mass * reach, "kg": mass, "kg m^2": mass * reach**2, "rad": np.pi, "1": 2.0}
@@ -79,9 +79,10 @@ def _largest_value(series: list[Float[Array, " n"]]) -> float:
 
 
 def reach_of(robot: Robot) -> float:
-    """Reach of a robot [m]: the lengths of all links to the joint that carries a load, plus the longest once more.
+    """Reach of a robot [m]: length of the chain to the joint that carries a load, plus the size of one more link.
 
-    The base, which does not move, does not count: how high a robot is mounted says nothing about its loads.
+    That size is the longest link, or twice the largest distance of a centre of mass from its joint. The distance from
+    the base to the first joint does not count, because the height at which a robot is mounted says nothing about loads.
     """
     model, joint = robot.model, payload_body(robot)
     lengths = {
@@ -95,10 +96,10 @@ def reach_of(robot: Robot) -> float:
 
 
 def widened_by_tolerances(fitted: FullFit, plain: Search, chosen: frozenset[Term]) -> FullFit:
-    """The fit, with standard deviations enlarged by the change of each size under three times the tolerances.
+    """The fit, with standard deviations enlarged by the change of each size if the tolerances are three times as wide.
 
-    If no correction within the tolerances of the model ends at its limit, the stated tolerances hold. If one does, the
-    model is probably wrong by more, and the standard deviation of a size does not include its share of that error.
+    This is done only if a change of the model within its tolerances is at its limit. Then the model is probably wrong
+    by more, and this error also affects the sizes.
 
     Args:
         fitted: Fit of all parameters.
@@ -114,10 +115,11 @@ def widened_by_tolerances(fitted: FullFit, plain: Search, chosen: frozenset[Term
 
 
 def widened_by_rivals(fitted: FullFit, shown: Shown) -> FullFit:
-    """The fit, with standard deviations enlarged by the change of each size where a rival replaces another finding.
+    """The fit, with standard deviations enlarged by the change of each size if a rival replaces another finding.
 
-    Each set of effects with rivals counts once, with its largest probability: one effect in place of two findings is a
-    rival of both. Rivals that keep an effect and add another one count for the size of that effect, too.
+    Each set with rivals counts once, with its largest probability: a set in which one effect replaces two findings is a
+    rival set of both. A rival set may also contain the finding and add an effect; it counts for the size of that
+    finding, too.
 
     Args:
         fitted: Fit of all parameters.
@@ -134,7 +136,14 @@ def widened_by_rivals(fitted: FullFit, shown: Shown) -> FullFit:
 
 
 def _wider(fitted: FullFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> FullFit:
-    """The fit, with the shift of the coefficients that both sets share added to their covariance."""
+    """The fit, with the squared shift of the coefficients times a probability added to their covariance.
+
+    Args:
+        fitted: Fit of all parameters.
+        kept: Effects whose covariance is enlarged, if they are in the fit.
+        shift: Change of the coefficients of all columns, ``(K,)``.
+        probability: Probability of the change.
+    """
     cov = fitted.cov.copy()
     for slices in fitted.term_slices:
         if slices.term in kept:

@@ -1,6 +1,6 @@
-"""Findings of implausible sizes: a size outside of its range, or friction that drives the motion.
+"""Notes on findings with implausible sizes: a size outside its plausible range, or friction that drives the motion.
 
-They remain findings, with a note, if nothing else explains as much, but the verdict is then not "explained".
+Such findings remain if nothing else explains as much, but the verdict is then not "explained".
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from identification.diagnosis.search.refinement import found_effects
 from identification.notes import Code, Note, Said
 from phantom_dyn.effects.effect import Effect
 
-# Share of the largest speed, above which friction is tested: after a reversal elastic friction may return energy.
+# Friction is tested at speeds above this share of the largest speed. Slower samples may follow a reversal, after which
+# elastic friction returns energy.
 _MOVES = 0.2
-# Friction that drives the joint, divided by the friction of the model and of each finding by itself: largest ratio that
-# may be an error of the fit.
+# Friction that drives the joint may be an error of the fit up to this share of all friction: that of the model plus
+# that of each finding, each as a root of summed squares.
 _DRIVES = 0.1
 
 
@@ -31,7 +32,7 @@ def size_notes(shown: Shown) -> list[Note]:
         own = shown.full_fit.slices_of(term).coefficients
         fault = implausible_size(session, term, shown.full_fit.coefficients(term), shown.full_fit.cov[own, own])
         if fault is not None and isinstance(term.effect, Effect):
-            parameter, value = fault
+            parameter, value = fault  # the parameter that is implausible
             low, high = parameter.plausible or (-np.inf, np.inf)
             numbers = {
                 "effect": term.effect.name,
@@ -48,7 +49,7 @@ def size_notes(shown: Shown) -> list[Note]:
 
 
 def all_plausible(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
-    """True if all sizes are plausible, of each finding by itself and of findings and model together.
+    """True if no finding has an implausible size, or is on a joint whose friction drives the motion.
 
     Args:
         findings: Findings that are not minor.
@@ -61,21 +62,23 @@ def all_plausible(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
 
 
 def _driven_by_friction(shown: Shown) -> list[int]:
-    """Rows on which friction of the model and of all findings together drives the motion."""
+    """Indices of the joints on which the friction of the model and of all findings together drives the motion."""
     effects = ((term, term.effect) for term in shown.named if isinstance(term.effect, Effect))
     friction = (term for term, effect in effects if effect.rubs or effect.changes_with == "friction")
-    found = found_effects(shown.named_fit, frozenset(friction))
+    findings = found_effects(shown.named_fit, frozenset(friction))
     names = shown.problem.session.robot.joint_names
-    driving, apart = np.zeros(len(names)), np.zeros((len(names), 1 + len(found)))
+    # Sums of squares over all recordings: friction along the motion, and each part of the friction by itself.
+    driving, separate = np.zeros(len(names)), np.zeros((len(names), 1 + len(findings)))
     for operation in shown.problem.columns.operations:
         parts = [operation.own_friction]
-        for point in found:
-            signature = point.effect.signature(operation.robot, operation, point.joint, point.shape)
-            parts.append(np.zeros_like(operation.v))
-            parts[-1][:, list(signature.rows)] = signature.columns @ point.coefficients
+        for finding in findings:
+            signature = finding.effect.signature(operation.robot, operation, finding.joint, finding.shape)
+            torque = np.zeros_like(operation.v)
+            torque[:, list(signature.rows)] = signature.columns @ finding.coefficients
+            parts.append(torque)
         moving = np.abs(operation.v) > _MOVES * np.abs(operation.v).max(axis=0)
-        against = np.sum(parts, axis=0) * np.sign(operation.v) * moving
-        driving += np.sum(np.minimum(against, 0.0) ** 2, axis=0)
-        apart += np.stack([np.sum((part * moving) ** 2, axis=0) for part in parts], axis=1)
-    changed = {names.index(joint) for point in found if (joint := point.joint) in names}
-    return [row for row in sorted(changed) if np.sqrt(driving[row]) > _DRIVES * np.sqrt(apart[row]).sum()]
+        against_motion = np.sum(parts, axis=0) * np.sign(operation.v) * moving
+        driving += np.sum(np.minimum(against_motion, 0.0) ** 2, axis=0)
+        separate += np.stack([np.sum((part * moving) ** 2, axis=0) for part in parts], axis=1)
+    changed = {names.index(joint) for finding in findings if (joint := finding.joint) in names}
+    return [row for row in sorted(changed) if np.sqrt(driving[row]) > _DRIVES * np.sqrt(separate[row]).sum()]

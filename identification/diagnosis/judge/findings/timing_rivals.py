@@ -1,9 +1,9 @@
-"""Compares a drive's delay or lag with other laws of lateness, at frequencies where the motion is far above the noise.
+"""Compares laws of a late torque, such as delay and lag, at frequencies where the motion is far above the noise.
 
-The torque of a delay or a lag is computed from the rate of the needed torque. At frequencies above those of the motion
-that rate is noise, and the noise of a lag differs from that of a delay. There the residual says which of the two has
-less noise, and not which one the drive has. So these frequencies are left out. They are kept if the residual of one law
-would be a gap beside that of the other: noise does not make such a difference.
+The torque of a delay or a lag is computed from the rate of change of the needed torque. At frequencies above those of
+the motion this rate is noise, and each law filters the noise differently. There the residual only shows which law
+amplifies the noise less. So such frequencies are left out. There is one exception: if the residuals of two laws differ
+so much that the larger one would count as a gap, noise is not the reason, and all frequencies are compared.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from phantom_dyn.array_types import Array
 
 
 def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Array]:
-    """Held-out losses, by block, of sets with another law of timing beyond the loss of the set with a finding.
+    """Increase of the held-out loss in each block if another law of a late torque replaces a finding.
 
-    They are computed at frequencies where the torque of the motion is far above the noise. The difference of penalties
-    is added, spread evenly over the blocks. Then all are scaled so that the sum comes nearer to zero by the price of a
-    parameter, which a law gains by chance, and at most to zero.
+    The losses are computed at frequencies where the torque of the motion is far above the noise, and include the
+    penalties of the fits, spread evenly over the blocks. One law gains the price of a parameter over another by chance.
+    So the increases are scaled down until their sum is nearer to zero by this price, at most to zero.
 
     Args:
         bench: Searches and fits.
         found: A set of effects.
-        term: One of them.
+        term: The finding, one effect of the set.
         barred: Effects and joints that are excluded as rivals.
 
     Returns:
-        Losses by set, with the best shape of each rival; none if the finding is no law of timing. Rivals with a far
-        larger or smaller residual on some joint are left out: noise does not make that.
+        Increases by the set with the rival, ``(B,)`` each, for the best shape of each rival. The result is empty if the
+        finding is no law of a late torque. Rivals of which all frequencies are compared are left out.
     """
-    if not _is_of_timing(term):
+    if not _is_late_torque(term):
         return {}
     rivals = _comparable(bench, found, term, barred)
     if not rivals:
@@ -52,30 +52,35 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
         fit = strong.held_out_fit(frozenset(terms[one] for one in swapped))
         if simplest_effects(strong.problem.session.robot, terms[rival], fit) is None:
             continue
-        worse = fit.loss - base.loss + (fit.penalty - base.penalty) / len(base.loss)
-        total = float(worse.sum())
-        kept = max(1.0 - PARAMETER_PRICE / max(abs(total), PARAMETER_PRICE), 0.0)
+        increase = fit.loss - base.loss + (fit.penalty - base.penalty) / len(base.loss)
+        total = float(increase.sum())
+        factor = max(1.0 - PARAMETER_PRICE / max(abs(total), PARAMETER_PRICE), 0.0)
         if rival.effect_joint not in best or total < best[rival.effect_joint][0]:
-            best[rival.effect_joint] = total, swapped, kept * worse
-    return {swapped: loss for _, swapped, loss in best.values()}
+            best[rival.effect_joint] = total, swapped, factor * increase
+    return {swapped: increase for _, swapped, increase in best.values()}
 
 
 def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Term]:
-    """Sets with another law of timing in place of a finding, beside which neither leaves a gap, and these laws."""
+    """Rivals whose residual differs so little from that of the finding that noise may be the reason.
+
+    Returns:
+        The law of a late torque that replaces the finding, by the set that results.
+    """
     residual, out = np.maximum(residual_sums_with(bench.plain, found).rms(), 1e-300), dict[Chosen, Term]()
     for rival in bench.search.terms:
         same_place = rival.joint == term.joint or None in (rival.joint, term.joint)
-        if not _is_of_timing(rival) or rival.effect is term.effect or not same_place or rival.effect_joint in barred:
+        is_other_law = _is_late_torque(rival) and rival.effect is not term.effect
+        if not is_other_law or not same_place or rival.effect_joint in barred:
             continue
         swapped = with_replacement(found, term, frozenset([rival]))
         if rival not in swapped:
             continue
-        times = residual_sums_with(bench.plain, swapped).rms() / residual
-        if times.max() <= FLOORS_LEFT and times.min() >= 1.0 / FLOORS_LEFT:
+        ratio = residual_sums_with(bench.plain, swapped).rms() / residual
+        if ratio.max() <= FLOORS_LEFT and ratio.min() >= 1.0 / FLOORS_LEFT:
             out[swapped] = rival
     return out
 
 
-def _is_of_timing(term: Term) -> bool:
-    """True for laws of a late torque, such as a delay."""
+def _is_late_torque(term: Term) -> bool:
+    """True for laws of a late torque, such as a delay or a lag."""
     return term.effect.follows_torque and term.effect.uses_acceleration
