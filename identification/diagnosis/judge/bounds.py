@@ -1,4 +1,4 @@
-"""Detection limits: the smallest size of each effect that this recording shows with 95 % power."""
+"""Detection limits: the smallest size at which each effect would be found in this recording with 95 % probability."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ from phantom_dyn.model.robot import Robot
 def detection_limits(
     operation: Operation, search: Search, plain: Search, chosen: frozenset[Term], allowed: Float[Array, " nv"]
 ) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
-    """Detection limit of every effect and joint that is not a finding, and effects that cannot be tested at all.
+    """Detection limit of each effect on each joint, except for findings, and the effects that cannot be tested.
 
-    The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, where
-    ``I`` is the information on ``s`` if nuisances and findings are fitted too, and ``z`` is a normal number. The limit
-    is the size at which this gain passes the gates of a claim. An effect that noise may imitate has to exceed the noise
-    as well. An effect is not testable if its limit exceeds the whole measured torque, or the size on any sound device.
+    The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` minus the price of its parameters.
+    ``I`` is the Fisher information on ``s`` if nuisances and findings are fitted too, and ``z`` a standard normal
+    variable. The limit is the size at which this gain passes the gates of a claim. The torque of an effect that noise
+    may imitate also has to exceed the noise. An effect is not testable if its limit exceeds the whole measured torque,
+    or the largest size on a sound device.
 
     Args:
         operation: Operation of all recordings.
         search: Rivals, with whitened fits, and the thresholds of a claim.
         plain: The same with plain fits in the judged band.
         chosen: The findings.
-        allowed: Residual of each joint up to which there is no gap, ``(nv,)``.
+        allowed: Largest residual of each joint that may be noise, root mean square, ``(nv,)``.
 
     Returns:
         The limits, and the effects that cannot be tested, with reasons.
@@ -48,8 +49,8 @@ def detection_limits(
     bounds: dict[tuple[str, str | None], Bound] = {}
     untestable: dict[tuple[str, str | None], NotTestable] = {}
     found = {term.effect_joint for term in chosen}
-    kept = sorted({column for term in chosen for column in term.columns})
-    base = np.array([*problem.fitted_nuisances, *kept], dtype=int)
+    columns_of_findings = sorted({column for term in chosen for column in term.columns})
+    base = np.array([*problem.fitted_nuisances, *columns_of_findings], dtype=int)
     inverse = _inverse(problem, base)
     tested, held_out = set(search.terms), held_out_share(problem.blocks)
     measured = residual_sums(plain.problem, measured_torque(plain.problem)).rms()
@@ -58,7 +59,7 @@ def detection_limits(
         for term in problem.columns.terms
         if isinstance(term.effect, Effect)
         and term.effect_joint not in found
-        # A parameter that several joints share has no limit of its own: those of the single joints hold.
+        # An effect with one parameter for several joints gets no limit: the limits of the single joints apply.
         and term.joint in term.effect.places(robot)
         and not any(contains(other, term) for other in chosen)
     }
@@ -87,19 +88,25 @@ def detection_limits(
         if noise_may_imitate(term):
             share = _torque_share(plain.problem, allowed, term, direction)
             size = max(size, 1.0 / share if share > 0.0 else 0.0)
-        why = None if by_shape else _beyond_sound_devices(robot, effect, term.joint, name, float(size))
-        # A real play may leave less torque than its law, down to the share at which it still counts as a play.
-        if not size < (term.lower[0] if by_shape else _largest_size(problem, energy, term, direction)):
-            why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
-            if by_shape:
+        why = None
+        if by_shape:
+            # The size of a play is the shape of its law, and ``size`` is the least coefficient of the law that would be
+            # seen. A real play may make less torque than its law: even the lower bound of the coefficient has to be
+            # seen.
+            if not size < term.lower[0]:
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
+        elif size < _largest_size(problem, energy, term, direction):
+            why = _beyond_sound_devices(robot, effect, term.joint, name, float(size))
+        else:
+            why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
         if why is not None:
             untestable.setdefault(cause, NotTestable(*cause, why))
             continue
-        # If the shape is the size, the smallest detected one is the limit; of other shapes the least visible one.
-        below, better = (term.shape[0], min) if by_shape else (float(size), max)
+        # Each shape of an effect has a limit. If the shape is the size, the smallest one counts. Otherwise the largest
+        # limit counts, because it holds for every shape.
+        below, smaller_or_larger = (term.shape[0], min) if by_shape else (float(size), max)
         if cause in bounds:
-            below = better(below, bounds[cause].below)
+            below = smaller_or_larger(below, bounds[cause].below)
         of_torque = None if by_shape else float(below) * _torque_share(plain.problem, measured, term, direction)
         bounds[cause] = Bound(*cause, name, float(below), effect.probe_unit(robot, term.joint, name), of_torque)
     tried = frozenset(term.effect_joint for term in problem.columns.terms)
@@ -111,7 +118,7 @@ def detection_limits(
 
 
 def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name: str, size: float) -> str | None:
-    """Why an effect cannot be tested if its limit exceeds its plausible range; None if the limit is in the range."""
+    """Reason why an effect cannot be tested if ``size`` exceeds its plausible range; None if it does not."""
     limits = [
         abs(limit)
         for one in effect.parameters(robot, joint)
@@ -126,33 +133,39 @@ def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name:
 
 
 def _torque_share(problem: Problem, torques: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
-    """Torque of an effect of size one, divided by a torque of each joint; the largest ratio of all joints.
+    """Torque of an effect of size one divided by a given torque, on the joint with the largest ratio.
 
     Args:
         problem: Columns in the judged band.
-        torques: Torque of each joint, root mean square, ``(nv,)``; joints with zero are left out.
+        torques: Given torque of each joint, root mean square, ``(nv,)``; joints with zero are left out.
         term: The effect.
         direction: Coefficients of its columns at size one, ``(k,)``.
     """
     columns, ratios = problem.white, [0.0]
-    for j in (row for row in _touched_rows(problem, term) if torques[row] != 0.0):
-        row = columns.rows[j]
-        own = [k for k, column in enumerate(row) if column in term.column_set]
-        parts = direction[[term.columns.index(row[k]) for k in own]]
-        torque = [(x[j][:, own] @ parts)[u[:, j]] for x, u in zip(columns.values, columns.usable, strict=True)]
+    for j in _touched_rows(problem, term):
+        if torques[j] == 0.0:
+            continue
+        indices = columns.rows[j]
+        own = [k for k, column in enumerate(indices) if column in term.column_set]
+        coefficients = direction[[term.columns.index(indices[k]) for k in own]]
+        torque = [
+            (values[j][:, own] @ coefficients)[usable[:, j]]
+            for values, usable in zip(columns.values, columns.usable, strict=True)
+        ]
         ratios.append(rms(torque) / float(torques[j]))
     return max(ratios)
 
 
 @dataclass(frozen=True)
 class _Probe:
-    """An effect of size one, with the nuisances and findings fitted to its torque.
+    """An effect of size one, and the part of its torque that nuisances and findings cannot explain.
 
     Attributes:
-        parameter: The parameter that is its size.
-        direction: Coefficients of its columns, ``(k,)``.
-        information: Information on its size if nuisances and findings are fitted too.
-        theta: Coefficients of all columns, ``(K,)``.
+        parameter: Name of the parameter that is the size of the effect.
+        direction: Coefficients of the columns of the effect, ``(k,)``.
+        information: Fisher information on the size if nuisances and findings are fitted too.
+        theta: Coefficients of all columns, ``(K,)``: ``direction`` for the effect, and for nuisances and findings those
+            that compensate its torque best.
     """
 
     parameter: str
@@ -164,6 +177,7 @@ class _Probe:
 def _probe(
     problem: Problem, operation: Operation, term: Term, effect: Effect, base: Array, inverse: Float[Array, "n n"]
 ) -> _Probe:
+    """The probe of an effect; ``base`` and ``inverse`` as in `_information`."""
     name, direction = effect.probe(problem.session.robot, operation, term.joint)
     # Of several orders of a cogging torque, the first has size one and the others zero.
     direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
@@ -174,7 +188,7 @@ def _probe(
 
 
 def _energies(problem: Problem, theta: Float[Array, "t K"]) -> Float[Array, "t nv"]:
-    """Energy of several sums of columns on each row, divided by the noise there."""
+    """Sum of squares, in units of the noise, of the torque of each row of coefficients on each joint, ``(t, nv)``."""
     out = np.zeros((len(theta), len(problem.grams.rows)))
     for j, row in enumerate(problem.grams.rows if len(theta) else ()):
         own = theta[:, row.index]
@@ -183,18 +197,18 @@ def _energies(problem: Problem, theta: Float[Array, "t K"]) -> Float[Array, "t n
 
 
 def _touched_rows(problem: Problem, term: Term) -> list[int]:
-    """Indices of the joints on which any column of an effect makes a torque."""
+    """Indices of the joints on which an effect makes a torque."""
     return sorted(frozenset[int]().union(*(problem.touched[column] for column in term.columns)))
 
 
 def _detectable_deviations(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
-    """Size in standard deviations at which an effect is claimed with 95 % power.
+    """Size, in standard deviations of its estimate, at which an effect is claimed with 95 % probability.
 
     Args:
         search: Thresholds and prices of a claim.
         term: The effect.
-        by_block: Information on its size in each block.
-        least: Gain that a claim needs before the price of further parameters.
+        by_block: Information on the size of the effect in each block, ``(B,)``.
+        least: Gain that a claim needs, without the price of further parameters.
     """
     from scipy.special import ndtri
 
@@ -203,18 +217,19 @@ def _detectable_deviations(search: Search, term: Term, by_block: Float[Array, " 
 
 
 def _least_gain_over_blocks(by_block: Float[Array, " B"], needed: float) -> float:
-    """Least gain at which an effect passes the gate `in_enough_blocks`.
+    """Least gain at which an effect passes the gate `in_enough_blocks`, which offers three ways to pass.
 
     Args:
-        by_block: Information on its size in each block.
+        by_block: Information on the size of the effect in each block, ``(B,)``.
         needed: Gain that a claim needs.
     """
     whole = float(by_block.sum())
     if whole <= 0:
         return needed
-    # Computed with shares, as the square of a very small information is below the smallest number.
+    # Shares are used because the square of a very small information would be rounded to zero.
     shares = by_block / whole
-    # Noise makes the variance of a gain ``u`` over blocks ``4 u``; its uneven distribution adds a part with ``u^2``.
+    # The sum over blocks of a gain ``u`` has the variance ``4 u`` by noise. An uneven distribution of the gain over
+    # blocks adds a part proportional to ``u^2``.
     remaining = 1.0 - over_blocks.SIGNIFICANT_ERRORS**2 * len(shares) * float(shares.var())
     significant = 4.0 * over_blocks.SIGNIFICANT_ERRORS**2 / remaining if remaining > 0 else np.inf
     share_without_best = float(np.sort(shares)[: -over_blocks.BEST_BLOCKS].sum())
@@ -223,14 +238,25 @@ def _least_gain_over_blocks(by_block: Float[Array, " B"], needed: float) -> floa
 
 
 def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
-    """Covariance of the coefficients of some columns in a fit of these columns alone, ``(n, n)``."""
+    """Covariance of the coefficients of the columns ``base`` in a fit of these columns alone, ``(n, n)``."""
     return solve(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]), np.eye(len(base)))
 
 
 def _information(
     problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
 ) -> tuple[float, Float[Array, " n"]]:
-    """Information on a term's size if nuisances and findings are fitted too, and their coefficients at size one."""
+    """Fisher information on the size of an effect, and what the columns ``base`` compensate of the effect at size one.
+
+    Args:
+        problem: Products of columns.
+        term: The effect.
+        direction: Coefficients of the columns of the effect at size one.
+        base: Columns of nuisances and findings, which are fitted too.
+        inverse: Covariance of their coefficients.
+
+    Returns:
+        The information, and the coefficients of the columns ``base``.
+    """
     a = problem.total_a
     own = list(term.columns)
     cross = direction @ a[own][:, base]
@@ -239,7 +265,7 @@ def _information(
 
 
 def _measured_energy(problem: Problem) -> Float[Array, " nv"]:
-    """Energy of the measured torque on each row, divided by the noise there; infinite without a drive to measure."""
+    """Sum of squares of each joint's measured torque, in units of the noise; infinite on joints without a drive."""
     columns, out = problem.white, np.zeros(len(problem.white.rows))
     for torque, residual, use in zip(columns.model_torque, columns.residual, columns.usable, strict=True):
         out += (np.where(use, torque + residual, 0.0) ** 2).sum(axis=0) * problem.weights.per_sample
@@ -247,7 +273,7 @@ def _measured_energy(problem: Problem) -> Float[Array, " nv"]:
 
 
 def _largest_size(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
-    """Size at which the effect's torque would have the energy of all measured torque on the rows that it touches."""
+    """Size at which an effect's torque has as large a sum of squares as the measured torque of the same joints."""
     own = list(term.columns)
     energy = float(direction @ problem.total_a[own][:, own] @ direction)
     return float(np.sqrt(measured[_touched_rows(problem, term)].sum() / energy)) if energy > 0 else 0.0

@@ -1,13 +1,14 @@
-"""Bursts: short stretches in which the residual is far larger than is expected at that moment.
+"""Bursts: short times in which the residual is far larger than its expected standard deviation.
 
-A push, a contact, a cable that catches: nothing in the state of the robot predicts such an event. The expected size
-comes from the noise, the model's error, reversals and standing joints. The error of a model grows with the torque that
-it explains, noise does not: a residual that is large where the torque is large is no event.
+A burst is an event that the state of the robot does not predict: a push, a contact, a cable that catches. The expected
+variance is the sum of the noise, the error of the model, which grows with the modelled torque, and the uncertain
+friction of joints that stand still, creep or reverse. So a large residual at a large torque need not be a burst.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -26,18 +27,30 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.robot import Robot
 
-# Largest distance [s] of two bursts that count as one.
+# Bursts of different joints within this time [s] count as one.
 _CLOSE = 0.1
-# Time [s] to leave out before and behind a burst, as filters spread it.
+# Time [s] to exclude before and after a burst, because filters spread it.
 _MARGIN = 0.2
-# Share of a window that has to be usable.
+# A mean over a window needs at least this share of the window to be usable.
 _FILLED = 0.6
-# Usable samples of a joint that a search for bursts needs.
+# Bursts of a joint are searched for if it has at least this many usable samples.
 _LEAST_SAMPLES = 50
-# Degrees of freedom of Student's law, with which variances are fitted: events have little weight in it.
+# Degrees of freedom of Student's t distribution, with which variances are fitted so that events have little weight.
 _FREEDOM = 4.0
-_STEPS = 60  # multiplicative steps of the variances
-_FEWEST_SAMPLES = 20  # samples of other folds, or of calm moments, without which all samples are taken
+_STEPS = 60  # steps of the fit of variances
+# A variance is estimated from the samples of other folds, and noise from calm samples. If there are fewer than this,
+# all usable samples are taken.
+_FEWEST_SAMPLES = 20
+
+
+class _Event(NamedTuple):
+    """A burst in one recording: joint, first and last time [s], torque, and ratio to the expected deviation."""
+
+    joint: str
+    start: float
+    stop: float
+    torque: float
+    ratio: float
 
 
 def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst, ...]:
@@ -45,63 +58,75 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
 
     Args:
         problem: Columns and blocks.
-        residual: Residual of each log after the explanation, in the judged band.
-        doubt: Variance of each log's residual where joints stand, creep or reverse, in the band.
+        residual: Residual of each log with the chosen effects in the model, in the judged band.
+        doubt: Variance of the friction of each log's joints that stand still, creep or reverse, in the judged band.
     """
     session, columns, out = problem.session, problem.columns, []
-    answers = np.sqrt(torque_above_band(problem, reading_noise(session)))
+    above_band = np.sqrt(torque_above_band(problem, reading_noise(session)))
     modelled, measured = moved_by(problem, columns.model_torque), measured_in_band(problem)
     for k, log in enumerate(session.logs):
-        fold = np.zeros(len(log.samples), dtype=int)
-        for block, number in zip(session.blocks, session.folds, strict=True):
-            if block.log == k:
-                fold[block.start : block.stop] = number
-        rate = log.band.output_rate_hz
-        reversals = near_reversals(log)
-        expected = np.column_stack(
-            [
-                expected_error(
-                    residual[k][:, j],
-                    Causes(doubt[k][:, j], moving_torque(torque, rate, session.cutoff_hz), reversals[:, j]),
-                    columns.usable[k][:, j],
-                    fold,
-                )
-                if columns.usable[k][:, j].any()
-                else np.full(len(fold), np.inf)
-                for j, torque in enumerate(modelled[k].T)
-            ]
-        )
-        # Near the ends of a recording filters work on a mirror image of the motion.
-        reach = int(rate / session.cutoff_hz) + 1
+        expected = _expected_errors(problem, k, residual[k], doubt[k], modelled[k])
+        # Near invalid samples and the ends of a recording, filters have no measured samples on one side.
+        reach = int(log.band.output_rate_hz / session.cutoff_hz) + 1
         outside = np.pad(~log.valid_in_band, reach, constant_values=True)
         inside = np.logical_not(ndimage.maximum_filter1d(outside, 2 * reach + 1, axis=0))[reach:-reach]
         usable = columns.usable[k] & inside[:, None]
-        # A push from outside is the torque of the model minus that of the drive.
-        found = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
-        # Accuracy of derivatives and filters.
+        # Drive and push together give the modelled torque, so the push is minus the residual.
+        events = bursts_in(log.motion.t[log.samples], -residual[k], expected, usable, log.joint_names)
+        # Smaller events may be errors of derivatives and filters, or the response of a controller to its encoder, which
+        # is measured above the band and may be aliased to a single frequency in the band.
         sizes = np.sqrt(np.mean(measured[k] ** 2, axis=0))
-        # A controller's answer to its encoder, measured above the band, may alias to one frequency inside it.
-        least = np.maximum(rules.MODEL_SHARE * sizes, rules.SENSOR_TIMES * answers)
-        for joint, start, stop, torque, ratio in found:
+        least = np.maximum(rules.MODEL_SHARE * sizes, rules.SENSOR_TIMES * above_band)
+        for joint, start, stop, torque, ratio in events:
             row = log.joint_names.index(joint)
             if abs(torque) > max(least[row], rounding_torque(session.robot, log, row, start, stop)):
                 out.append(Burst(log.file, joint, start, stop, torque, ratio))
     return tuple(out)
 
 
-def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float) -> float:
-    """The largest spurious torque that the steps of encoders can make on a joint between two times [N m or N].
+def _expected_errors(
+    problem: Problem,
+    k: int,
+    residual: Float[Array, "n nv"],
+    doubt: Float[Array, "n nv"],
+    modelled: Float[Array, "n nv"],
+) -> Float[Array, "n nv"]:
+    """Expected standard deviation of each sample of one log's residual; infinite on joints without usable samples.
 
-    A reading is wrong by half a step at most. At a steady speed the error is a tone that may last, and no noise. Of an
-    error of at most ``e`` a mean weighted by a Hann window of length ``T`` leaves an acceleration of at most
-    ``8 pi e / T^2``: the integral of the second derivative of the window. Errors of several joints come independently.
+    Args:
+        problem: Columns and blocks.
+        k: Index of the log.
+        residual: Residual of the log.
+        doubt: Variance of the friction of joints that stand still, creep or reverse.
+        modelled: Modelled torque.
+    """
+    session, usable = problem.session, problem.columns.usable[k]
+    fold = np.zeros(len(residual), dtype=int)
+    for block, number in zip(session.blocks, session.folds, strict=True):
+        if block.log == k:
+            fold[block.start : block.stop] = number
+    rate, reversals = session.logs[k].band.output_rate_hz, near_reversals(session.logs[k])
+    out = np.full(residual.shape, np.inf)
+    for j in np.flatnonzero(usable.any(axis=0)):
+        torque = moving_torque(modelled[:, j], rate, session.cutoff_hz)
+        out[:, j] = expected_error(residual[:, j], Causes(doubt[:, j], torque, reversals[:, j]), usable[:, j], fold)
+    return out
+
+
+def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float) -> float:
+    """The largest mean torque on a joint between two times that the rounding of encoders can cause [N m or N].
+
+    A reading is wrong by at most half a step, ``e``. At a steady speed this error is periodic, so that it may be in
+    phase with a window. The mean of its second derivative, weighted by a Hann window of length ``T``, is at most
+    ``8 pi e / T^2``, as ``8 pi / T^2`` is the integral of the absolute second derivative of the normalised window.
+    Errors of several joints are independent, so that their squares are added.
 
     Args:
         robot: Gives the inertias.
-        log: Readings and their steps.
+        log: Readings of the encoders, with their steps.
         row: Index of the joint.
         start: First time [s].
-        stop: Last time [s]; nothing is looked for over less than the shortest window.
+        stop: Last time [s]; at least the length of the shortest window counts.
     """
     seconds = max(stop - start, rules.BURST_LENGTHS[0])
     errors = 0.5 * np.array([counted_step(robot, log, j) for j in range(robot.nv)])
@@ -113,77 +138,86 @@ def rounding_torque(robot: Robot, log: Log, row: int, start: float, stop: float)
 def distinct_bursts(
     bursts: tuple[Burst, ...], problem: Problem, residual: Series, floor: Float[Array, " nv"]
 ) -> tuple[Burst, ...]:
-    """Bursts far above the other residual of their joint, and above the residual of every joint with a gap.
+    """The bursts that are not just peaks of a gap, which leaves a residual above the noise at other times as well.
 
-    Where the residual of a joint is above its noise all the time, its peaks are no events, unless they are many times
-    as large as the rest: a push also spoils the fit of the other samples. And an unmodelled torque of that joint may
-    act on other joints, with at most its own size.
+    A burst on a joint with a gap has to exceed the root mean square residual at other times by `BURST_RATIO`. It need
+    not be the only residual above the noise, because a push also spoils the fit of the other samples. A burst on any
+    joint has to exceed the residual of each joint with a gap, because the unmodelled torque of one joint may act on
+    others with at most its own size.
 
     Args:
-        bursts: In all recordings.
-        problem: Columns of these.
-        residual: Residual of each log after the explanation, in the judged band.
-        floor: Noise floor of each joint.
+        bursts: Bursts in all recordings.
+        problem: Recordings and usable samples.
+        residual: Residual of each log with the chosen effects in the model, in the judged band.
+        floor: Largest residual of each joint that may be noise, root mean square, ``(nv,)``.
     """
     if not bursts:
         return ()
     squares, counts = np.zeros(len(floor)), np.zeros(len(floor))
-    for log, left, usable in zip(problem.session.logs, residual, problem.columns.usable, strict=True):
+    for log, own, usable in zip(problem.session.logs, residual, problem.columns.usable, strict=True):
         t, use = log.motion.t[log.samples], usable.copy()
         for burst in bursts:
             if burst.file == log.file:
                 use[(t > burst.start - _MARGIN) & (t < burst.stop + _MARGIN)] = False
-        squares += np.sum(np.where(use, left, 0.0) ** 2, axis=0)
+        squares += np.sum(np.where(use, own, 0.0) ** 2, axis=0)
         counts += use.sum(axis=0)
-    rest = np.sqrt(squares / np.maximum(counts, 1))
-    loud = rest > contract_levels.FLOORS_LEFT * floor
-    least = max(rest[loud], default=0.0)
-    needed = dict(zip(problem.session.robot.joint_names, np.where(loud, rules.BURST_RATIO * rest, 0.0), strict=True))
+    elsewhere = np.sqrt(squares / np.maximum(counts, 1))
+    has_gap = elsewhere > contract_levels.FLOORS_LEFT * floor
+    least = max(elsewhere[has_gap], default=0.0)
+    on_own_joint = np.where(has_gap, rules.BURST_RATIO * elsewhere, 0.0)
+    needed = dict(zip(problem.session.robot.joint_names, on_own_joint, strict=True))
     return tuple(one for one in bursts if abs(one.torque) > max(needed[one.joint], least))
 
 
 def bursts_in(
     t: Float[Array, " n"],
-    left: Float[Array, "n nv"],
+    unexplained: Float[Array, "n nv"],
     expected: Float[Array, "n nv"],
     usable: Bool[Array, "n nv"],
     joints: tuple[str, ...],
-) -> tuple[tuple[str, float, float, float, float], ...]:
-    """Bursts in one recording, in the order of time: joint, first and last time, torque, and its size as expected.
+) -> tuple[_Event, ...]:
+    """Bursts in one recording, in the order of time.
 
     Args:
         t: Times [s], evenly spaced.
-        left: Unexplained torque of each joint, positive along the joint.
-        expected: Standard deviation of it that is expected at each moment.
+        unexplained: Unexplained torque of each joint [N m or N], positive along the joint.
+        expected: Expected standard deviation of that torque at each sample.
         usable: False where a joint rests or a sample is excluded.
-        joints: Their names.
+        joints: Names of the joints.
     """
-    found = []
+    found: list[_Event] = []
     for j, joint in enumerate(joints):
         use = usable[:, j]
         if np.count_nonzero(use) < _LEAST_SAMPLES:
             continue
-        centred = np.where(use, left[:, j] - np.median(left[use, j]), 0.0)
-        relative, events = np.where(use, centred / expected[:, j], 0.0), []
+        centred = np.where(use, unexplained[:, j] - np.median(unexplained[use, j]), 0.0)
+        relative, events = np.where(use, centred / expected[:, j], 0.0), list[_Event]()
         for first, last, ratio in _events_in(relative, use, float(np.median(np.diff(t))), len(joints)):
             peak = first + int(np.argmax(np.abs(centred[first : last + 1])))
-            events.append((joint, float(t[first]), float(t[last]), float(centred[peak]), ratio))
-        most = max((abs(event[3]) for event in events), default=0.0)
-        found += [event for event in events if abs(event[3]) >= rules.BURST_SHARE * most]
-    # A push on the last link acts on all joints: it is stated once, for the joint on which it is clearest.
-    out: list[tuple[str, float, float, float, float]] = []
-    for one in sorted(found, key=lambda burst: -burst[4]):
-        if all(one[2] < other[1] - _CLOSE or one[1] > other[2] + _CLOSE for other in out):
-            out.append(one)
-    return tuple(sorted(out, key=lambda burst: burst[1]))
+            events.append(_Event(joint, float(t[first]), float(t[last]), float(centred[peak]), ratio))
+        largest = max((abs(event.torque) for event in events), default=0.0)
+        found += [event for event in events if abs(event.torque) >= rules.BURST_SHARE * largest]
+    # A push on the last link acts on all joints. It is kept once, on the joint with the largest ratio.
+    out: list[_Event] = []
+    for event in sorted(found, key=lambda one: -one.ratio):
+        if all(event.stop < kept.start - _CLOSE or event.start > kept.stop + _CLOSE for kept in out):
+            out.append(event)
+    return tuple(sorted(out, key=lambda one: one.start))
 
 
 def _events_in(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
-    """First and last sample of each event, and its mean over a window in units of the expected deviation.
+    """First and last sample of each event on one joint, and its largest mean over a window.
 
-    The largest is removed with its flanks before the next one is looked for, as a window beside it holds part of it. An
-    event has to be far above the largest level at all other times: else the noise itself is loud at some moments, as is
-    a controller's answer to the steps of an encoder in a log with a low rate.
+    Events are found one after the other, the largest first. Each is removed with its flanks before the next search,
+    because windows beside it contain a part of it. An event counts only if it exceeds the largest level at all other
+    times by `BURST_TIMES`. Otherwise the noise itself varies, as does the response of a controller to the steps of its
+    encoder in a log with a low rate.
+
+    Args:
+        relative: Unexplained torque, divided by its expected standard deviation, ``(n,)``.
+        use: Usable samples, ``(n,)``.
+        step: Time between samples [s].
+        joints: Number of joints that are searched.
     """
     found, free, reach = [], use.copy(), round(rules.BURST_LENGTHS[0] / step)
     elsewhere = 0.0
@@ -208,9 +242,9 @@ def _events_in(relative: Array, use: Array, step: float, joints: int) -> list[tu
 
 
 def _level(relative: Array, use: Array, count: int) -> Array:
-    """Weighted mean about each sample, zero where too little of the window is usable.
+    """Mean about each sample with the weights of a Hann window of ``count`` samples; zero if too few are usable.
 
-    A push has one sign, so that a mean keeps it; noise of encoders has none, so that a mean removes it.
+    The mean preserves a push, which keeps its sign, and averages out the noise of encoders, which changes sign.
     """
     window = np.hanning(count + 2)[1:-1]
     filled = np.convolve(use, window, mode="same")[: len(use)]
@@ -220,30 +254,31 @@ def _level(relative: Array, use: Array, count: int) -> Array:
 
 
 def _threshold(level: Array, seconds: float, step: float, joints: int) -> float:
-    """Level that 99 of 100 recordings without an event do not exceed, on any joint, at any time, in any window.
+    """Level that 99 of 100 recordings without an event do not exceed on any joint, at any time, in any window.
 
-    The spread is the median deviation of the level itself, so that the spectrum of the residual counts.
+    The standard deviation is estimated from the median of the level itself, because it depends on the spectrum of the
+    residual. The number of independent values is that of windows, times joints, times window lengths.
     """
     from scipy.special import ndtri
 
-    spread = 1.4826 * float(np.median(np.abs(level)))
-    looks = max(len(level) * step / seconds, 1.0) * joints * len(rules.BURST_LENGTHS)
-    return max(rules.BURST_RATIO, spread * -float(ndtri(0.5 * rules.BURST_LEVEL / looks)))
+    deviation = 1.4826 * float(np.median(np.abs(level)))
+    values = max(len(level) * step / seconds, 1.0) * joints * len(rules.BURST_LENGTHS)
+    return max(rules.BURST_RATIO, deviation * -float(ndtri(0.5 * rules.BURST_LEVEL / values)))
 
 
 def _run_about(inside: Array, at: int) -> tuple[int, int]:
-    """First and last sample of the run of true samples about one."""
+    """Index of the first and the last sample of the run of true samples that contains the sample ``at``."""
     outside = np.flatnonzero(~inside)
     before, after = outside[outside < at], outside[outside > at]
     return (int(before[-1]) + 1 if len(before) else 0, int(after[0]) - 1 if len(after) else len(inside) - 1)
 
 
 def burst_notes(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tuple[Note, ...]:
-    """A note on every burst, with what to leave out.
+    """A note on each burst, with the time to exclude from the recording.
 
     Args:
         bursts: Bursts of a judgement.
-        joints: Their units.
+        joints: Gaps of the joints, which state the units of torque.
     """
     units, out = {joint.joint: joint.unit for joint in joints}, []
     for burst in bursts:
@@ -255,11 +290,12 @@ def burst_notes(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tupl
 
 @dataclass(frozen=True)
 class Causes:
-    """Squared torques of one joint with which its residual grows.
+    """Quantities on which the variance of one joint's residual depends at each sample.
 
     Attributes:
-        known: Variance that is known beforehand [torque^2], ``(n,)``: where joints stand or reverse.
-        torque: Square of the moving part of the modelled torque and of its change, at its largest nearby, ``(n,)``.
+        known: Variance of the uncertain friction while joints stand still, creep or reverse [torque^2], ``(n,)``. It is
+            known before the fit of variances.
+        torque: Squared variation of the modelled torque, as `moving_torque` returns it, ``(n,)``.
         reversals: True near reversals of the velocity, ``(n,)``.
     """
 
@@ -269,14 +305,16 @@ class Causes:
 
 
 def moving_torque(torque: Float[Array, " n"], rate_hz: float, cutoff_hz: float) -> Float[Array, " n"]:
-    """Square of a joint's torque about its median, and of its change within the band, at its largest nearby.
+    """Squared variation of a joint's torque at each sample: its largest value within the reach of the filter.
 
-    The fit compensates a steady torque; errors of inertia, timing and derivatives grow with a changing torque.
+    The variation is the torque minus its median, plus (in squares) its rate of change divided by ``pi cutoff_hz``. The
+    fit compensates errors of a constant torque, while errors of inertia, timing and derivatives grow with changes of
+    the torque.
 
     Args:
         torque: Modelled torque in the band.
-        rate_hz: Rate of its samples [Hz].
-        cutoff_hz: Edge of the band, whose filter carries a peak that far.
+        rate_hz: Sampling rate [Hz].
+        cutoff_hz: Cutoff of the band [Hz]. Its filter spreads a peak by a period of this frequency to both sides.
     """
     change = np.gradient(torque) * rate_hz / (np.pi * cutoff_hz)
     reach = 2 * int(np.ceil(rate_hz / cutoff_hz)) + 1
@@ -286,16 +324,16 @@ def moving_torque(torque: Float[Array, " n"], rate_hz: float, cutoff_hz: float) 
 def expected_error(
     residual: Float[Array, " n"], causes: Causes, use: Bool[Array, " n"], fold: Int[Array, " n"]
 ) -> Float[Array, " n"]:
-    """Standard deviation of a residual at each sample, estimated without the fold of the sample.
+    """Expected standard deviation of a joint's residual at each sample, estimated from the samples of other folds.
 
-    The variance is that of the noise, the known one, a share of the squared torque and a part near reversals. The noise
-    is the median of the calmer half; the rest is fitted with a heavy-tailed law beside a part for events, so that these
-    do not raise it.
+    The variance is the sum of that of the noise, that of uncertain friction, a share of the squared torque and a part
+    near reversals. The noise is estimated from the median of samples with a small torque. The last two parts are fitted
+    with a distribution with heavy tails and a further part for events, so that events do not increase them.
 
     Args:
-        residual: Residual after the explanation.
-        causes: Squared torques with which it may grow.
-        use: Samples that count.
+        residual: Residual with the chosen effects in the model.
+        causes: Quantities on which the variance depends.
+        use: Usable samples.
         fold: Fold of each sample.
     """
     out = np.full(len(residual), np.nan)
@@ -308,29 +346,41 @@ def expected_error(
 
 
 def _variance(residual: Array, causes: Causes, use: Array) -> Array:
-    usual = float(np.median(causes.torque[use]))
-    calm = use & (causes.torque <= usual) & (causes.known <= np.median(causes.known[use]))
+    """Expected variance of the residual at each sample, fitted to the samples ``use``, ``(n,)``."""
+    median_torque = float(np.median(causes.torque[use]))
+    calm = use & (causes.torque <= median_torque) & (causes.known <= np.median(causes.known[use]))
     calm = calm if np.count_nonzero(calm) >= _FEWEST_SAMPLES else use
     noise = max((1.4826 * float(np.median(np.abs(residual[calm])))) ** 2, 1e-300)
     known = noise + causes.known
-    # The error of the model at the usual torque is contained in the noise.
-    more = np.maximum(causes.torque - usual, 0.0)
-    # Events occur at any torque: a constant part absorbs them, and is no part of the expected error.
-    parts = np.column_stack([more, noise * causes.reversals, np.full(len(residual), noise)])
+    # The noise as estimated includes the error of the model at the median torque, so only larger torques add to it.
+    excess = np.maximum(causes.torque - median_torque, 0.0)
+    # Events occur at any torque. The constant last part absorbs them in the fit, and is then left out of the variance.
+    parts = np.column_stack([excess, noise * causes.reversals, np.full(len(residual), noise)])
     least = np.array([rules.MODEL_SHARE**2, 0.0, 0.0])
-    return known + parts[:, :2] @ _variance_coefficients(residual[use], known[use], parts[use], least)[:2]
+    coefficients = _variance_coefficients(residual[use], known[use], parts[use], least)
+    return known + parts[:, :2] @ coefficients[:2]
 
 
 def _variance_coefficients(
     residual: Float[Array, " n"], known: Float[Array, " n"], parts: Float[Array, "n k"], least: Float[Array, " k"]
 ) -> Float[Array, " k"]:
-    """Coefficients of variances beside a known one: the likeliest by Student's law, by multiplicative steps."""
+    """Coefficients of the parts of a variance, by maximum likelihood with Student's t distribution.
+
+    The variance of a sample is ``known + parts @ coefficients``. Each step multiplies a coefficient by the square root
+    of the ratio of the two terms of the likelihood's derivative, so that no coefficient becomes negative.
+
+    Args:
+        residual: Residual.
+        known: Known part of the variance.
+        parts: Further parts, without their coefficients.
+        least: Least value of each coefficient.
+    """
     largest = np.maximum(parts.max(axis=0), 1e-300)
     out = np.maximum(least, 0.01 * known.min() / largest)
     for _ in range(_STEPS):
         variance = known + parts @ out
         weight = (_FREEDOM + 1.0) / (_FREEDOM + residual**2 / variance)
-        seen = (weight * residual**2 / variance**2) @ parts
-        due = np.maximum((1.0 / variance) @ parts, 1e-300)
-        out = np.maximum(out * np.sqrt(seen / due), least)
+        increasing = (weight * residual**2 / variance**2) @ parts
+        decreasing = np.maximum((1.0 / variance) @ parts, 1e-300)
+        out = np.maximum(out * np.sqrt(increasing / decreasing), least)
     return out

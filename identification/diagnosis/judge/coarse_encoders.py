@@ -1,4 +1,4 @@
-"""Findings of coarse encoders: their readings lie on a lattice of equal steps, and rounding makes a spurious torque."""
+"""Findings of coarse encoders: derivatives of positions with large steps cause a spurious torque."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from phantom_dyn.model.robot import Robot
 
 @dataclass(frozen=True)
 class CoarseRounding:
-    """Coarse joints whose rounding matters, and the squared spurious torque that it makes.
+    """Joints with coarse encoders whose rounding matters, and the spurious torque that the rounding causes.
 
     Attributes:
         coarse: The joints.
-        energy: For each of them the mean squared torque on every joint, ``(k, nv)``.
+        energy: Mean squared spurious torque of each coarse encoder (row) on each joint (column), ``(k, nv)``.
         results: All joints with a coarser encoder than expected, each with the result of the gate `rounding_matters`.
     """
 
@@ -34,7 +34,7 @@ class CoarseRounding:
 
     @property
     def total(self) -> Float[Array, " nv"]:
-        """Mean squared torque of all coarse encoders together on each joint."""
+        """Mean squared spurious torque of all coarse encoders together on each joint, ``(nv,)``."""
         return self.energy.sum(axis=0)
 
 
@@ -44,38 +44,50 @@ def coarse_rounding(
     floor: Float[Array, " nv"],
     noise: Series,
 ) -> CoarseRounding:
-    """Coarse joints whose rounding makes much of the noise on some joint, in the judged band or above it."""
-    results, energy = [], []
+    """Joints whose rounding is a large part of the noise on some joint, in the judged band or above it.
+
+    Args:
+        problem: Recordings and blocks.
+        coarse: Joints with a coarser encoder than expected, with the spurious torque of the rounding.
+        floor: Noise floor of each joint in the judged band, ``(nv,)``.
+        noise: Noise of each log's torque.
+    """
+
+    def mean_square(torque: Series) -> Float[Array, " nv"]:
+        return residual_sums(problem, torque).rms() ** 2
+
+    results = []
     for one in coarse:
-        squares, squares_usual_low_pass = (
-            residual_sums(problem, problem.session.in_judged_band(torque)).rms() ** 2
-            for torque in (one.torque, one.usual_low_pass)
-        )
-        # The judged band ends where rounding hides the motion: rounding may still matter above that band.
-        wide = residual_sums(problem, one.usual_low_pass).rms() ** 2 / np.maximum(
-            residual_sums(problem, noise).rms() ** 2, 1e-300
-        )
-        result = rounding_matters(float(np.max([squares_usual_low_pass / floor**2, wide])))
-        results.append((one, result))
-        energy += [squares] if result.passed else []
+        in_band = mean_square(problem.session.in_judged_band(one.usual_low_pass)) / floor**2
+        # The judged band ends where rounding conceals the motion, but rounding may matter above that band, too.
+        all_frequencies = mean_square(one.usual_low_pass) / np.maximum(mean_square(noise), 1e-300)
+        results.append((one, rounding_matters(float(np.max([in_band, all_frequencies])))))
     kept = tuple(one for one, result in results if result.passed)
+    energy = [mean_square(problem.session.in_judged_band(one.torque)) for one in kept]
     return CoarseRounding(kept, np.array(energy).reshape(len(kept), len(floor)), tuple(results))
 
 
 def coarse_findings(
     robot: Robot, rounding: CoarseRounding, within: ResidualSums, floor: Float[Array, " nv"]
 ) -> tuple[Finding, ...]:
-    """One finding for each coarse joint."""
+    """A finding for each joint with a coarse encoder whose rounding matters.
+
+    Args:
+        robot: The given model.
+        rounding: The joints and their spurious torque.
+        within: Residual of the model adjusted within its tolerances.
+        floor: Noise floor of each joint, ``(nv,)``.
+    """
     effect = effect_named("encoder_quantization")
     gap = max(float(np.mean(within.rms() ** 2 / floor**2)) - 1.0, 1e-9)
     out = []
     for one, energy in zip(rounding.coarse, rounding.energy, strict=True):
         joint = robot.joint_names[one.row]
         closed = float(min(np.mean(energy / floor**2) / gap, 1.0))
-        # The energy of rounding errors, uniformly distributed, has a relative deviation of about sqrt(2 / samples).
+        # The squared torque of rounding errors has a relative standard deviation of about sqrt(2 / samples).
         spread = 2.0 * closed / np.sqrt(max(within.counts.sum() / len(floor), 1.0))
         unit = effect.parameters(robot, joint)[0].unit
-        # Distances of levels are exact up to rounding of numbers; a hundredth of a step is a safe deviation.
+        # The step is known almost exactly: a hundredth of a step is a safe standard deviation.
         step = Value(one.step, 0.01 * one.step, unit)
         interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
         out.append(

@@ -1,4 +1,4 @@
-"""Samples of torque and motion that show the findings of a diagnosis, for figures and for the law of the residual."""
+"""Samples of motion and torque of all recordings, for the figures of a report and the law of the residual."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def evidence_of(
     after: Series,
     without: tuple[Series, ...],
 ) -> Evidence:
-    """Samples of all recordings, one after the other with a second between them.
+    """Samples of all recordings in one series, with a second between two recordings.
 
     Args:
-        judge: Recordings and their band.
+        judge: Recordings and the judged band.
         given: Residual of the given model for each log, in the judged band.
         after: Torque of the corrected model for each log.
-        without: For each finding, torque of the corrected model without it for each log.
+        without: For each finding, torque for each log of the corrected model without this finding.
     """
     problem, columns, logs = judge.problem, judge.problem.columns, judge.problem.session.logs
 

@@ -1,8 +1,7 @@
-"""Consistent sets of numbers for the corrected model: sizes of effects and changes within tolerance, fitted together.
+"""Numbers for the files of the corrected model: sizes of effects and changes within tolerance, from the same fit.
 
-A diagnosis states the sizes, and of the changes within tolerance only those that certainly differ from zero. A model
-with these numbers alone may fit worse: a size that was fitted together with a change of a mass is wrong without that
-change, however uncertain the change is.
+The report lists only changes within tolerance that clearly differ from zero. The corrected model needs all of them: the
+size of an effect that was fitted together with a change of a mass is wrong without that change.
 """
 
 from __future__ import annotations
@@ -22,43 +21,46 @@ _Sizes = dict[tuple[str, str | None], dict[str, Value]]
 
 
 def fitted_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
-    """Sets of numbers that were fitted together, first the set with the stated sizes.
+    """Sets of numbers for the corrected model, each from one fit; the sizes in the report come from the first set.
 
-    A structure without a name is no part of the corrected model. If there is one, a second set is fitted without it.
+    The corrected model contains no structures without a name (fitted torques that match no effect of the catalogue). If
+    there are such structures, a second set is fitted without them.
 
     Args:
-        shown: The effects, and the fit from which their sizes are stated.
+        shown: The effects that are shown to the user, with their fit.
     """
     problem, named = shown.problem, shown.named
-    out = [_numbers(problem, shown.full_fit, {})]
+    sets = [_numbers(problem, shown.full_fit, {})]
     if named != shown.chosen:
         terms = ordered(named)
         alone = full_fit(problem.of(named), terms, shown.named_fit)
         robot = problem.session.robot
         sizes = {term.effect_joint: finding_parameters(robot, term, alone) for term in terms}
-        out.append(_numbers(problem, alone, sizes))
-    return tuple(out)
+        sets.append(_numbers(problem, alone, sizes))
+    return tuple(sets)
 
 
 def _numbers(problem: Problem, fitted: FullFit, sizes: _Sizes) -> FittedNumbers:
-    """The numbers of one fit, with every change of the model within its tolerances, however uncertain."""
+    """The numbers of one fit, including all changes of the model within its tolerances, however uncertain."""
     parameters = tolerance_parameters(problem.session.robot)
-    timing = float(sum(fitted.x[k] for k in problem.fitted_nuisances if parameters[k].kind == TIMING))
-    soft, arrivals, base = (
-        tuple(
-            (str(parameters[k].owner), float(fitted.x[k]))
-            for k in problem.fitted_nuisances
-            if parameters[k].kind == kind
-        )
-        for kind in (SOFTNESS, ARRIVAL, BASE)
-    )
+
+    def by_owner(kind: str) -> tuple[tuple[str, float], ...]:
+        """Owner and fitted value of each tolerance parameter of one kind."""
+        indices = [k for k in problem.fitted_nuisances if parameters[k].kind == kind]
+        return tuple((str(parameters[k].owner), float(fitted.x[k])) for k in indices)
+
+    timing = float(sum(value for _, value in by_owner(TIMING)))
     pairs = ((problem.columns.tolerance_parameters[k], float(fitted.x[k])) for k in problem.fitted_nuisances)
-    changes = tuple(Adjusted(own.name, change, own.sigma) for own, change in pairs if own.relative and change)
-    return FittedNumbers(changes, sizes, timing, soft, arrivals, base)
+    changes = tuple(
+        Adjusted(parameter.name, change, parameter.sigma)
+        for parameter, change in pairs
+        if parameter.relative and change
+    )
+    return FittedNumbers(changes, sizes, timing, by_owner(SOFTNESS), by_owner(ARRIVAL), by_owner(BASE))
 
 
 def replay_of(problem: Problem, changes: tuple[Change, ...]) -> Replay:
-    """Recordings and held-out samples of a diagnosis, on which residuals are computed as for the gap of each joint.
+    """Recordings, held-out blocks and sample weights of the gap, for computing residuals of exported models.
 
     Args:
         problem: Robot, recordings and blocks.

@@ -1,4 +1,4 @@
-"""The judged band, in which gaps are measured: its noise floor, and fits by plain least squares in it."""
+"""Noise floor and plain least-squares fits in the judged band, the frequency band in which gaps are measured."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Judge:
     """Problem and noise floor of the judged band.
 
     Attributes:
-        problem: Columns and fits.
-        floor: Noise floor of each joint in that band, ``(nv,)``.
-        highest: Upper end of its interval, ``(nv,)``.
-        discrepancy: Error of a sound model on each joint, ``(nv,)``; None for none.
+        problem: Recordings, columns and blocks.
+        floor: Noise floor of each joint in the judged band, root mean square, ``(nv,)``.
+        highest: Upper end of the interval of the noise floor, ``(nv,)``.
+        discrepancy: Error of a sound model on each joint, root mean square, ``(nv,)``; None counts as zero.
     """
 
     problem: Problem
@@ -34,16 +34,16 @@ class Judge:
 
     @property
     def sound(self) -> Float[Array, " nv"]:
-        """Residual of each joint with a sound model, noise and discrepancy, ``(nv,)``."""
+        """Root mean square residual of each joint with a sound model: noise and discrepancy, ``(nv,)``."""
         return self.floor if self.discrepancy is None else np.hypot(self.floor, self.discrepancy)
 
 
 def plain_search(search: Search, noise: Series) -> Search:
-    """The search with fits by plain least squares in the judged band.
+    """The search with plain least-squares fits in the judged band in place of fits to whitened residuals.
 
-    Whitened fits separate effects best. Once the effects are chosen, the plain fit closes most of the gap, and its
-    parameters are less biased if a real effect differs from its law. While friction holds a joint, its residual says
-    little about the model, so that these samples have the same small weights as in the figures of the gap.
+    Whitened fits separate effects best. Once the effects are chosen, plain fits close more of the gap, and their
+    parameters are less biased if a real effect differs from its law. Samples at which friction may hold a joint say
+    little about the model. They have the same small weights as in the figures of the gap.
 
     Args:
         search: Rivals, with whitened fits.
@@ -55,25 +55,26 @@ def plain_search(search: Search, noise: Series) -> Search:
 
 
 def search_below(search: Search, columns: Columns, noise: Series, edges: Float[Array, " nv"]) -> Search:
-    """The search with plain fits to the frequencies below a limit on each joint.
+    """The search with plain least-squares fits to frequencies below a limit for each joint.
 
     Args:
         search: Rivals.
-        columns: Its columns, or only those of the rivals that are needed: their products take most memory.
+        columns: Columns of the search, or only those of the rivals that are needed, which saves memory.
         noise: Noise of each log's torque.
         edges: Limit of each joint [Hz], ``(nv,)``.
     """
     session = search.problem.session
 
-    def series_below(series: Series) -> Series:
-        return tuple(
-            part
-            if (edges >= 0.99 * session.logs[k].band.cutoff_hz).all()
-            else np.column_stack([session.log_below(x, k, edges[j]) for j, x in enumerate(part.T)])
-            for k, part in enumerate(series)
-        )
+    def log_below(values: Float[Array, "n nv"], k: int) -> Float[Array, "n nv"]:
+        if (edges >= 0.99 * session.logs[k].band.cutoff_hz).all():
+            # The log has been filtered to this band already.
+            return values
+        return np.column_stack([session.log_below(x, k, edges[j]) for j, x in enumerate(values.T)])
 
-    def below(columns: Columns) -> Columns:
+    def series_below(series: Series) -> Series:
+        return tuple(log_below(values, k) for k, values in enumerate(series))
+
+    def columns_below(columns: Columns) -> Columns:
         return replace(
             columns,
             values=tuple(
@@ -84,12 +85,12 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
             model_torque=series_below(columns.model_torque),
         )
 
-    narrow, own_noise = below(columns), series_below(noise)
-    trust = weights_without_filter(narrow, own_noise)
-    certain = tuple(part * weight for part, weight in zip(own_noise, trust, strict=True))
-    weights = replace(weights_of(narrow, certain), trust=trust)
+    narrow, noise_below = columns_below(columns), series_below(noise)
+    trust = weights_without_filter(narrow, noise_below)
+    weighted_noise = tuple(part * weight for part, weight in zip(noise_below, trust, strict=True))
+    weights = replace(weights_of(narrow, weighted_noise), trust=trust)
     plain = set_up(session, columns, narrow, weights)
     if columns.displaced:
         read = columns_at_readings(session, columns)
-        plain = replace(plain, at_readings=set_up(session, read, below(read), weights))
+        plain = replace(plain, at_readings=set_up(session, read, columns_below(read), weights))
     return set_up_search(plain, search.threshold, search.rows, search.spurious, search.record)

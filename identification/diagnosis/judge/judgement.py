@@ -1,8 +1,4 @@
-"""Gap, findings, detection limits and verdict of an explanation, all measured in the judged band.
-
-Changes of masses within tolerance may hide a payload. A load on a linkage is shared by many masses, and may exceed the
-tolerance of any one mass, so that its largest possible mass comes from a fit together with the tolerance parameters.
-"""
+"""Judges the effects that the search has chosen: gap, findings, detection limits and verdict, in the judged band."""
 
 from __future__ import annotations
 
@@ -56,27 +52,33 @@ from identification.gates.in_band import torque_is_there
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Bool, Float
 
-# Smallest share of a joint's samples in a regime for which its residual is stated.
+# The residual of a joint in a regime is stated if the regime has more than this share of the joint's samples.
 _FEW = 0.01
 # Standard deviations from the estimate of a hidden payload to its upper limit at 95 %.
 _DEVIATIONS = 2.0
 
 
 def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
-    """Gap, findings, detection limits and verdict of an explanation, and the fits behind them."""
+    """Gap, findings, detection limits and verdict of an explanation, and the effects that are shown, with their fits.
+
+    Args:
+        explanation: Effects that the search has chosen.
+        progress: Is called at the beginning of each stage.
+    """
     search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session
-    shown, left = _shown_and_residual(explanation, plain_search(search, noise), noise)
+    shown, result = _shown_and_residual(explanation, plain_search(search, noise), noise)
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
     before, within = residual_sums(problem, given), residual_sums_with(shown.plain, frozenset())
-    as_given = not shown.chosen and _fits_as_given(left, before, within)
+    as_given = not shown.chosen and _fits_as_given(result, before, within)
     if as_given:
-        left, within = replace(left, torque=problem.columns.model_torque, residual=given, whole=given), before
-    rounding, judge, torque, residual, whole = left.rounding, left.judge, left.torque, left.residual, left.whole
+        result = replace(result, torque=problem.columns.model_torque, residual=given, whole=given)
+        within = before
+    rounding, judge, torque, residual = result.rounding, result.judge, result.torque, result.residual
     claims = [
         *findings_without(shown, judge, within),
-        # A coarse reading adds spurious torque and does not change the model.
+        # Without the finding of a coarse encoder the model is the same: rounding changes only the readings.
         *(FindingWithout(finding, torque) for finding in coarse_findings(session.robot, rounding, within, judge.floor)),
     ]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
@@ -84,25 +86,26 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     findings = tuple(claim.finding for claim in kept)
     minor = tuple(claim.finding for claim in claims if claim.minor)
     after = _without_rounding(residual_sums(problem, residual), rounding.total)
-    bursts = _distinct_events(problem, left)
-    left_over = unexplained(shown.plain, shown.chosen, judge, residual, whole, left.floor.predictable)
-    foreseen = left_over.fraction_of_explainable > 0.0
-    joints = joint_gaps(problem, left.floor, before, within, after, _by_regime(problem, left), foreseen=foreseen)
-    left_over = _with_joint(_with_times(left_over, bursts), problem, residual, joints)
+    bursts = _distinct_events(problem, result)
+    structure = unexplained(shown.plain, shown.chosen, judge, residual, result.whole, result.floor.predictable)
+    predictable = structure.fraction_of_explainable > 0.0
+    by_regime = _by_regime(problem, result)
+    joints = joint_gaps(problem, result.floor, before, within, after, by_regime, foreseen=predictable)
+    structure = _with_joint(_with_times(structure, bursts), problem, residual, joints)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = detection_limits(
-        merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen, left.floor.allowed
+        merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen, result.floor.allowed
     )
     named, minor_effects = (frozenset((one.effect, one.joint) for one in some) for some in (findings, minor))
     moved = any(bool(use.any()) for use in problem.columns.usable)
     notes, hides = size_remarks(shown), ordinary_effects_hide(bounds)
     plausible = all_plausible(findings, notes)
     judgement = Judgement(
-        verdict=verdict(joints, findings, left_over, moved=moved, hides=hides, plausible=plausible),
+        verdict=verdict(joints, findings, structure, moved=moved, hides=hides, plausible=plausible),
         joints=joints,
         findings=findings,
         adjusted=() if as_given else with_hidden_payload(adjusted(problem, shown.named_fit), search, shown.chosen),
-        unexplained=left_over,
+        unexplained=structure,
         bounds=bounds,
         not_testable=tuple(entry for entry in untested if (entry.effect, entry.joint) not in named),
         notes=notes,
@@ -111,7 +114,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         minor=minor,
         numbers=() if as_given else fitted_numbers(shown),
         bursts=bursts,
-        # Last of all, so that its fits cannot change the last digits of the other results.
+        # The ledger comes last, so that its fits cannot change the last digits of the other results.
         ledger=(*ledger_of(search, shown, judge, minor_effects), *coarse_claims(search, rounding)),
     )
     return judgement, shown
@@ -119,14 +122,14 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
 
 @dataclass(frozen=True)
 class _ResidualAndFloor:
-    """Residual of each log's torque after a set of effects, and the noise floor with which it is compared.
+    """Residual of each log with a set of effects in the model, and the noise floor with which it is compared.
 
     Attributes:
-        torque: Torque of the corrected model for each log.
-        residual: Residual after the named effects, in the judged band.
-        whole: Residual after all effects, fitted torques that match no effect of the catalogue included.
-        friction_variance: Variance of the friction torque where joints stand, creep or reverse.
-        rounding: Spurious torque of coarse readings.
+        torque: Held-out torque of the model with the named effects for each log.
+        residual: Residual with the named effects, in the judged band.
+        whole: Residual with all effects, including structures without a name (they match no effect of the catalogue).
+        friction_variance: Variance of the friction torque of joints that stand still, creep or reverse.
+        rounding: Spurious torque of coarse encoders.
         floor: Noise floor of each joint.
         judge: The same floor, with the problem in the judged band.
     """
@@ -141,76 +144,80 @@ class _ResidualAndFloor:
 
 
 def _shown_and_residual(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _ResidualAndFloor]:
-    """The effects of an explanation that pass all gates of the judge, and their residual."""
+    """The effects of an explanation that pass all gates of the judge, and the residual with these effects."""
     sensed = sensor_floors(plain.problem)
 
     @cache
-    def without_predictable(chosen: frozenset[Term]) -> _ResidualAndFloor:
+    def without_predictable_noise(chosen: frozenset[Term]) -> _ResidualAndFloor:
         return _residual_of(explanation, plain, chosen, noise, sensed)
 
     @cache
-    def left_by_all(chosen: frozenset[Term]) -> _ResidualAndFloor:
-        return _with_predictable_noise(without_predictable(chosen), plain, chosen, noise)
+    def result_of(chosen: frozenset[Term]) -> _ResidualAndFloor:
+        return _with_predictable_noise(without_predictable_noise(chosen), plain, chosen, noise)
 
     def over_allowed(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> Float[Array, " nv"]:
-        left = without_predictable(chosen)
-        size = np.where(joints, residual_sums(plain.problem, left.residual).rms(), 0.0)
-        certain = size / left.floor.raised_by(largest_predictable_noise(left.judge)).allowed
-        if certain.max() > 1.0:
-            # Above the largest noise that is possible: the predictable part, which takes long, is not needed.
-            return certain
-        return size / _with_predictable_noise(left, plain, chosen, noise, joints).floor.allowed
+        result = without_predictable_noise(chosen)
+        size = np.where(joints, residual_sums(plain.problem, result.residual).rms(), 0.0)
+        over_largest_noise = size / result.floor.raised_by(largest_predictable_noise(result.judge)).allowed
+        if over_largest_noise.max() > 1.0:
+            # There is a gap however large the predictable noise is, so its size, which takes long, is not computed.
+            return over_largest_noise
+        return size / _with_predictable_noise(result, plain, chosen, noise, joints).floor.allowed
 
     def has_structure(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> bool:
-        left, names = left_by_all(chosen), plain.problem.session.robot.joint_names
-        over = unexplained(plain, chosen, left.judge, left.residual, left.whole, left.floor.predictable, joints)
-        events = _distinct_events(plain.problem, left)
-        return over.structured or any(joints[names.index(event.joint)] for event in events)
+        result, names = result_of(chosen), plain.problem.session.robot.joint_names
+        of_sound = result.floor.predictable
+        structure = unexplained(plain, chosen, result.judge, result.residual, result.whole, of_sound, joints)
+        events = _distinct_events(plain.problem, result)
+        return structure.structured or any(joints[names.index(event.joint)] for event in events)
 
-    residuals = Residuals(lambda chosen: left_by_all(chosen).judge, over_allowed, has_structure)
+    residuals = Residuals(lambda chosen: result_of(chosen).judge, over_allowed, has_structure)
     bench = Bench(explanation.search, plain, noise, residuals)
     state = after_motion_gate(bench, State.of(explanation.chosen))
-    left = left_by_all(state.shown)
-    torque = torque_is_there(_torque_over_noise(left))
+    result = result_of(state.shown)
+    torque = torque_is_there(_torque_over_noise(result))
     if not torque.passed:
         # The measured torque is noise, so that no model can be tested with it.
         bench.record.add_failed(explanation.chosen, torque)
         shown = shown_effects(bench, State.of(frozenset()))
-        return shown, replace(left_by_all(shown.chosen), floor=left.floor, judge=left.judge)
+        return shown, replace(result_of(shown.chosen), floor=result.floor, judge=result.judge)
     bench.record.add_passed(state.shown, torque)
-    if not state.shown and _above_noise(left) and not explanation.endless:
-        # Disturbances above the judged band may hide effects inside it from the search.
+    if not state.shown and _above_noise(result) and not explanation.endless:
+        # Disturbances above the judged band may have hidden effects inside the band from the search.
         state = State.of(stepwise_search(plain, lambda _: None))
     shown = shown_effects(bench, state)
-    return shown, left_by_all(shown.chosen)
+    return shown, result_of(shown.chosen)
 
 
-def _fits_as_given(left: _ResidualAndFloor, given: ResidualSums, within: ResidualSums) -> bool:
-    """True if the given model leaves noise, and less than the model adjusted within tolerance on held-out blocks."""
-    once, floor = np.ones((1, len(given.counts))), left.floor
-    less = given.loss(floor.value, once)[0] < within.loss(floor.value, once)[0]
-    return bool(less and np.all(given.rms() <= floor.allowed))
+def _fits_as_given(result: _ResidualAndFloor, given: ResidualSums, within: ResidualSums) -> bool:
+    """True if the residual of the given model may be noise, and is smaller than that of the adjusted model.
+
+    Args:
+        result: Gives the noise floor.
+        given: Residual of the given model.
+        within: Held-out residual of the model adjusted within its tolerances.
+    """
+    equal_weights, floor = np.ones((1, len(given.counts))), result.floor
+    smaller = given.loss(floor.value, equal_weights)[0] < within.loss(floor.value, equal_weights)[0]
+    return bool(smaller and np.all(given.rms() <= floor.allowed))
 
 
-def _torque_over_noise(left: _ResidualAndFloor) -> float:
-    """The largest measured torque of a tested joint, over the upper end of its noise floor."""
-    torque = residual_sums(left.judge.problem, measured_torque(left.judge.problem))
-    judged = torque.counts.any(axis=0)
-    return float(np.max((torque.rms() / left.floor.high)[judged])) if judged.any() else np.inf
+def _torque_over_noise(result: _ResidualAndFloor) -> float:
+    """Largest measured torque of a tested joint, divided by the upper end of the joint's noise floor."""
+    torque = residual_sums(result.judge.problem, measured_torque(result.judge.problem))
+    tested = torque.counts.any(axis=0)
+    return float(np.max((torque.rms() / result.floor.high)[tested])) if tested.any() else np.inf
 
 
-def _above_noise(left: _ResidualAndFloor) -> bool:
-    """True if the residual of any joint is above its noise floor."""
-    return bool(np.any(residual_sums(left.judge.problem, left.whole).rms() > left.floor.high))
+def _above_noise(result: _ResidualAndFloor) -> bool:
+    """True if the residual of any joint is above the upper end of its noise floor."""
+    return bool(np.any(residual_sums(result.judge.problem, result.whole).rms() > result.floor.high))
 
 
 def _residual_of(
     explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: SensorFloors
 ) -> _ResidualAndFloor:
-    """Residual after a set of effects, and the noise floor without the noise that moves the joint.
-
-    A flexible model can predict that noise from the motion.
-    """
+    """Residual with a set of effects in the model, and the noise floor without the predictable part of the noise."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
     torque = held_out_torque(problem, named, plain.held_out_fit(named))
     residual = whole = session.in_judged_band(residual_after(problem, torque))
@@ -227,28 +234,28 @@ def _residual_of(
 
 
 def _with_predictable_noise(
-    left: _ResidualAndFloor,
+    result: _ResidualAndFloor,
     plain: Search,
     chosen: frozenset[Term],
     noise: Series,
     joints: Bool[Array, " nv"] | None = None,
 ) -> _ResidualAndFloor:
-    """The residual, with a noise floor that includes the noise that moves the joint, which models can predict.
+    """The residual, with the predictable part of the noise (noise that moves the joint) added to the noise floor.
 
     Args:
-        left: The residual, with a floor that lacks this noise.
+        result: The residual, with the noise floor without this part.
         plain: Plain fits in the judged band.
-        chosen: The effects after which this residual is left.
+        chosen: The effects of the residual.
         noise: Noise of each log's torque.
-        joints: Joints whose floor includes it, ``(nv,)``; None: all.
+        joints: Joints to whose floor the part is added, ``(nv,)``; None: all.
     """
-    size = np.where(True if joints is None else joints, residual_sums(plain.problem, left.whole).rms(), 0.0)
-    floor = left.floor.raised_by(predictable_noise(left.judge, plain, chosen, noise, size))
-    return replace(left, floor=floor, judge=replace(left.judge, highest=floor.high))
+    size = np.where(True if joints is None else joints, residual_sums(plain.problem, result.whole).rms(), 0.0)
+    floor = result.floor.raised_by(predictable_noise(result.judge, plain, chosen, noise, size))
+    return replace(result, floor=floor, judge=replace(result.judge, highest=floor.high))
 
 
 def _friction_variance(plain: Search, chosen: frozenset[Term]) -> Series:
-    """Variance of the friction torque in the judged band, which is uncertain while joints stand, creep or reverse."""
+    """Variance of the friction torque, in the judged band, of joints that stand still, creep or reverse."""
     columns, session = plain.problem.columns, plain.problem.session
     found = found_effects(plain.held_out_fit(chosen), chosen)
     return tuple(
@@ -258,47 +265,47 @@ def _friction_variance(plain: Search, chosen: frozenset[Term]) -> Series:
 
 
 def _without_rounding(found: ResidualSums, square: Float[Array, " nv"]) -> ResidualSums:
-    """Squared residuals less the mean square of the spurious torque of coarse readings."""
+    """Squared residuals minus the mean square of the spurious torque of coarse encoders, but not below zero."""
     return replace(found, squares=np.maximum(found.squares - square * found.counts, 0.0))
 
 
-def _with_joint(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:
-    """The residual, with the joint that is furthest above its noise floor, unless its structure names a joint."""
+def _with_joint(
+    structure: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]
+) -> Unexplained:
+    """The description of the residual, with the joint that exceeds its noise most if no joint was named before."""
     above = [0.0 if joint.only_given_fits else joint.rms_after / joint.allowed for joint in joints]
-    if left.joint is not None or max(above) <= 1.0:
-        return left
+    if structure.joint is not None or max(above) <= 1.0:
+        return structure
     row = int(np.argmax(above))
-    return replace(left, joint=joints[row].joint, regime=regime_split(problem, residual, row).best)
+    return replace(structure, joint=joints[row].joint, regime=regime_split(problem, residual, row).best)
 
 
-def _distinct_events(problem: Problem, left: _ResidualAndFloor) -> tuple[Burst, ...]:
+def _distinct_events(problem: Problem, result: _ResidualAndFloor) -> tuple[Burst, ...]:
     """Events: short times with a residual far above that of other times."""
-    return distinct_bursts(
-        bursts_of(problem, left.whole, left.friction_variance), problem, left.whole, left.floor.allowed
-    )
+    bursts = bursts_of(problem, result.whole, result.friction_variance)
+    return distinct_bursts(bursts, problem, result.whole, result.floor.allowed)
 
 
-def _with_times(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
-    """The residual, with the times of events, and the joint of the largest one, unless its structure names a joint."""
+def _with_times(structure: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
+    """The description of the residual, with the times of events, and the joint of the largest if none was named."""
     if not bursts:
-        return left
-    joint = max(bursts, key=lambda burst: burst.ratio).joint if left.joint is None else left.joint
-    return replace(left, joint=joint, times=tuple((burst.start, burst.stop) for burst in bursts))
+        return structure
+    joint = max(bursts, key=lambda burst: burst.ratio).joint if structure.joint is None else structure.joint
+    return replace(structure, joint=joint, times=tuple((burst.start, burst.stop) for burst in bursts))
 
 
-def _by_regime(problem: Problem, left: _ResidualAndFloor) -> tuple[tuple[float, float], ...]:
-    """Residual of each joint beyond noise where it creeps or reverses, and elsewhere, root mean square."""
+def _by_regime(problem: Problem, result: _ResidualAndFloor) -> tuple[tuple[float, float], ...]:
+    """Root mean square of each joint's residual beyond noise: first where it creeps or reverses, then elsewhere."""
     session = problem.session
     slow = tuple(slow_samples(session, k)[log.samples] for k, log in enumerate(session.logs))
-    slow_part = tuple(np.where(mask, part, 0.0) for part, mask in zip(left.residual, slow, strict=True))
-    moving_part = tuple(part - own for part, own in zip(left.residual, slow_part, strict=True))
+    slow_part = tuple(np.where(mask, part, 0.0) for part, mask in zip(result.residual, slow, strict=True))
+    moving_part = tuple(part - own for part, own in zip(result.residual, slow_part, strict=True))
     share = residual_sums(problem, tuple(mask.astype(float) for mask in slow)).rms() ** 2
     shares = np.stack([share, 1.0 - share])
     both = np.stack([residual_sums(problem, part).rms() ** 2 for part in (slow_part, moving_part)])
-    squares = both / np.maximum(shares, 1e-12) - left.floor.high**2
-    # Nothing is known of joints without held-out samples.
-    known = (shares > _FEW) & (squares > 0.0)
-    return tuple((creeping, moving) for creeping, moving in np.sqrt(np.where(known, squares, 0.0)).T.tolist())
+    squares = both / np.maximum(shares, 1e-12) - result.floor.high**2
+    beyond_noise = (shares > _FEW) & (squares > 0.0)
+    return tuple((creeping, moving) for creeping, moving in np.sqrt(np.where(beyond_noise, squares, 0.0)).T.tolist())
 
 
 def joint_gaps(
@@ -311,34 +318,36 @@ def joint_gaps(
     *,
     foreseen: bool = False,
 ) -> tuple[JointGap, ...]:
-    """Gap of each joint: of the given model, within its tolerances, and of the corrected model.
+    """Gap of each joint: residuals of the given, the adjusted and the corrected model, with the noise floor.
 
     Args:
         problem: Robot and recordings.
         floor: Noise floor of each joint.
         before: Residual of the given model.
-        within: Residual of the best changes within its tolerances.
+        within: Residual of the model adjusted within its tolerances.
         after: Residual of the corrected model.
-        by_regime: Residual of each joint beyond noise at reversals and elsewhere, `JointGap.left`; None: not known.
-        foreseen: True if a flexible model predicts a part of the residual, so that it is not the noise of drives.
+        by_regime: `JointGap.left` of each joint; None: not known.
+        foreseen: True if a flexible model predicts a part of the residual. Then the residual is not noise of drives,
+            and the interval of the floor does not include such noise.
     """
     robot, torque = problem.session.robot, residual_sums(problem, measured_torque(problem)).rms()
     of_drive = 0.0 if foreseen else drive_noise(robot, torque)
-    # Repetitions show the noise of the drive, too. Gates compare with less: the torque of an effect is not random.
+    # The interval of the floor includes noise of drives that their sensors do not show. Floors from repetitions include
+    # it already. Gates use the floor without it, because they test torques that are not random.
     highest = np.where(np.array(floor.source) == SENSORS, np.maximum(floor.high, of_drive), floor.high)
     out = []
     for j, joint in enumerate(robot.joint_names):
-        noise, tolerated, left = float(floor.value[j]), float(within.rms()[j]), float(after.rms()[j])
+        noise, tolerated, corrected = float(floor.value[j]), float(within.rms()[j]), float(after.rms()[j])
         gap = (tolerated / noise) ** 2 - 1.0
-        closed = (tolerated**2 - left**2) / noise**2 / gap if tolerated > floor.allowed[j] else None
+        closed = (tolerated**2 - corrected**2) / noise**2 / gap if tolerated > floor.allowed[j] else None
         out.append(
             JointGap(
                 joint,
                 robot.torque_units[j],
                 float(before.rms()[j]),
-                left,
+                corrected,
                 noise,
-                # Samples where friction is uncertain have small weights, so that their sum may be below one.
+                # Samples with uncertain friction have small weights: the sum of few weights may be below one.
                 int(np.ceil(after.counts[:, j].sum())),
                 rms_torque=float(torque[j]) if robot.actuators[j].drive_known else None,
                 rms_within_tolerance=tolerated,
@@ -353,12 +362,17 @@ def joint_gaps(
 
 
 def with_hidden_payload(changes: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:
-    """The changes within tolerance, with the heaviest payload that could hide behind masses at their limits.
+    """The changes within tolerance, with the heaviest payload that masses at their limits may conceal together.
+
+    Each mass at its limit may conceal a payload of at most its tolerance. On a linkage several masses share the weight
+    of a load, so that they may conceal a heavier one. Its largest mass comes from a fit of a payload and the tolerance
+    parameters together.
 
     Args:
-        changes: Changes found so far, each with the mass that it alone may hide.
+        changes: Changes within tolerance, each with the payload that it may conceal alone.
         search: Fits a payload together with the tolerance parameters.
-        chosen: The findings; if one of them is a payload or sets the body that carries it free, none is hidden.
+        chosen: The findings. Nothing is concealed if they contain a payload or free parameters of the body that
+            carries it.
     """
     loads = [term for term in search.terms if term.effect.inertial == "point mass"]
     masses = {
@@ -366,13 +380,13 @@ def with_hidden_payload(changes: tuple[Adjusted, ...], search: Search, chosen: f
         for change in changes
         if change.at_limit and change.hides is not None and change.hides.kind == "payload"
     }
-    # Beside free inertial parameters of its body a payload has no columns of its own.
     if not loads or not masses or not search.can_join(chosen, loads[0]):
         return changes
     found = search.held_out_fit(chosen | {loads[0]})
-    mass = loads[0].columns[0]
-    at = int(np.searchsorted(found.active, mass))
-    most = float(found.theta[mass]) + _DEVIATIONS * float(np.sqrt(found.cov[at, at]))
+    # The first column of a payload is its mass.
+    column = loads[0].columns[0]
+    at = int(np.searchsorted(found.active, column))
+    most = float(found.theta[column]) + _DEVIATIONS * float(np.sqrt(found.cov[at, at]))
     if not max(masses.values()) < most < np.inf:
         return changes
     return tuple(replace(one, hides=Hidden("payload", most)) if one in masses else one for one in changes)

@@ -1,8 +1,8 @@
-"""The ledger of a diagnosis: every effect that was claimed at any time, and the ten best of those that never were.
+"""The ledger of a diagnosis: which gates each candidate effect passed or failed, and which effects displaced it.
 
-Search and judge record their decisions as they make them. This module compares each effect that is not a finding with
-the final set once more: how much the effect gains when it is added, which share of the gap it closes alone, and which
-findings explain that share instead.
+It lists all effects that search or judge claimed at any time, and the ten best of the others. Search and judge record
+their decisions as they make them. This module tests each effect that is not a finding once more beside the final set of
+effects: how much it gains there, which share of the gap it closes alone, and which findings explain that share instead.
 """
 
 from __future__ import annotations
@@ -30,25 +30,26 @@ from identification.gates import ORDER, gate_name
 from identification.gates.exchange import explains_more_than_others
 from identification.gates.in_band import torque_is_there
 
-# Most findings in whose place the gain of another effect is computed; in robots with many joints most are unrelated.
+# The gain of an effect in place of a finding is computed for at most this many findings: on robots with many joints,
+# most findings have nothing to do with the effect.
 _MOST_FINDINGS = 12
-# Effects whose figures are computed in the judged band.
+# Largest number of effects for which `_figures` is computed.
 _MOST_MEASURED = 40
-# Gates of the search come before this one.
+# Order of the first gate of the judge; gates with a lower order belong to the search.
 _FIRST_OF_JUDGE = ORDER[gate_name(torque_is_there)]
 _RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_claimed": 2}
 
 
 @dataclass(frozen=True)
 class _BestGains:
-    """In-sample gains of an effect, with its best shape.
+    """In-sample gains of an effect that is not in a set.
 
     Attributes:
-        term: The effect.
-        beside: Gain if it is added to a set.
-        instead_of: Gain if it replaces one effect of the set.
-        other: That effect.
-        of_other: Gain of that effect itself.
+        term: The effect, in the shape that gains most.
+        beside: Gain if the effect is added to the set.
+        instead_of: Largest gain if the effect replaces one effect of the set.
+        other: The effect of the set that is then replaced; None if no replacement was possible.
+        of_other: Gain of that replaced effect itself.
     """
 
     term: Term
@@ -59,32 +60,35 @@ class _BestGains:
 
 
 def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[EffectJoint]) -> tuple[Claim[EffectAt], ...]:
-    """The entries of the ledger: claims first, then the effects that came nearest.
+    """The entries of the ledger: findings first, then other effects by the share of the gap that each closes alone.
 
     Args:
         search: The search, with its record of decisions.
         shown: Effects that passed all gates of the judge.
-        judge: Problem and floor of the gap.
-        minor: Places of findings that are too small to matter.
+        judge: Problem and noise floor of the judged band.
+        minor: Effects and joints of findings that are too small to matter.
     """
+    # Here a cause is an effect and its joint: shapes of an effect share one entry.
     record, named = search.record, {term.effect_joint for term in shown.named}
-    near = _best_gains(search, shown.all_found)
-    ranked = sorted(near, key=lambda cause: -max(near[cause].beside, near[cause].instead_of))
-    never = [cause for cause in ranked if cause not in record.claimed and cause not in named][:NEVER_CLAIMED]
+    best = _best_gains(search, shown.all_found)
+    ranked = sorted(best, key=lambda cause: -max(best[cause].beside, best[cause].instead_of))
+    unclaimed = [cause for cause in ranked if cause not in record.claimed and cause not in named][:NEVER_CLAIMED]
     gates, replacements = {}, {}
-    for cause in (*record.claimed, *never):
+    for cause in (*record.claimed, *unclaimed):
         results = sorted(record.results_of(cause), key=lambda result: ORDER[result.gate])
         gates[cause] = until_failed(results)
         replacements[cause] = record.replacements_of(cause)
         failed = next((result for result in results if not result.passed), None)
-        if cause in named or (failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE):
+        failed_in_judge = failed is not None and ORDER[failed.gate] >= _FIRST_OF_JUDGE
+        if cause in named or failed_in_judge:
             continue
-        if cause in near:
-            # The search decided with another set of effects: its gates are applied once more beside the final set.
-            results_beside, others = _results_beside(search, shown.all_found, near[cause])
+        if cause in best:
+            # The search decided with another set of effects: its gates are applied once more beside the final set. If
+            # all pass there now, a failure in the search remains in the ledger.
+            results_beside, others = _results_beside(search, shown.all_found, best[cause])
             if not results_beside[-1].passed or failed is None:
                 gates[cause], replacements[cause] = results_beside, others
-    terms = {cause: near[cause].term for cause in gates if cause in near}
+    terms = {cause: best[cause].term for cause in gates if cause in best}
     terms |= {term.effect_joint: term for term in shown.all_found if term.effect_joint in gates}
     terms |= {term.effect_joint: term for term in shown.named}
     figures = _figures(shown, judge, terms, replacements)
@@ -99,38 +103,44 @@ def ledger_of(search: Search, shown: Shown, judge: Judge, minor: frozenset[Effec
 
 
 def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _BestGains]:
-    """In-sample gains of each effect outside of a set: added to it, and in place of one of its effects.
+    """In-sample gains of each effect outside of a set: if it is added, and if it replaces one effect of the set.
 
     The gains are computed to second order, without a new fit.
     """
-    taken = {term.effect_joint for term in found}
-    named = tuple(term for term in search.terms if term.named and term.effect_joint not in taken)
+    in_set = {term.effect_joint for term in found}
+    named = tuple(term for term in search.terms if term.named and term.effect_joint not in in_set)
     out: dict[EffectJoint, _BestGains] = {}
+    # First each effect is added to the whole set (other is None), then it replaces one effect of the set after another.
     for other in (None, *ordered(found)[:_MOST_FINDINGS]):
         remaining = found - {other}
         rivals = tuple(term for term in named if search.can_join(remaining, term))
         gains = search.fits.gains(remaining, rivals if other is None else (*rivals, other))
         for term in rivals:
-            known = out.setdefault(term.effect_joint, _BestGains(term))
-            if other is None and gains[term] > known.beside:
-                out[term.effect_joint] = replace(known, term=term, beside=gains[term])
-            elif other is not None and gains[term] > known.instead_of:
-                own = gains[other]
-                out[term.effect_joint] = replace(known, term=term, instead_of=gains[term], other=other, of_other=own)
+            best, gain = out.setdefault(term.effect_joint, _BestGains(term)), gains[term]
+            if other is None and gain > best.beside:
+                out[term.effect_joint] = replace(best, term=term, beside=gain)
+            elif other is not None and gain > best.instead_of:
+                out[term.effect_joint] = replace(best, term=term, instead_of=gain, other=other, of_other=gains[other])
     return out
 
 
 def _results_beside(
-    search: Search, found: frozenset[Term], near: _BestGains
+    search: Search, found: frozenset[Term], best: _BestGains
 ) -> tuple[tuple[GateResult, ...], tuple[EffectJoint, ...]]:
-    """Results of the search's gates for an effect beside a set; if it fails, also the effect that displaces it.
+    """Results of the search's gates for an effect that is added to a set, and which effect of the set displaces it.
 
-    An effect of the set displaces the tested one if, without it, the tested one gains enough for a claim, more than
-    twice its gain beside the whole set, and a fair part of the gain of the other effect (`could_stand_for`).
+    An effect that fails is displaced by the effect that it could replace (`could_stand_for`). In place of that effect
+    it has to gain enough for a claim, more than twice its gain beside the whole set, and a fair part of the gain of the
+    replaced effect.
+
+    Args:
+        search: Rivals and fits.
+        found: The set.
+        best: The tested effect, with its gains.
     """
-    term, other = near.term, near.other
+    term, other = best.term, best.other
     if not can_join(found, term):
-        # A special case of a law in the set is replaced by that law.
+        # The effect is a special case of a law in the set: the law displaces it.
         rich = next(one for one in ordered(found) if not can_join(frozenset([one]), term))
         margin = search.score(found) - search.score(with_replacement(found, rich, frozenset([term])))
         return (explains_more_than_others(margin),), (rich.effect_joint,)
@@ -139,7 +149,7 @@ def _results_beside(
     if results[-1].passed:
         return (*results, explains_more_than_others(search.score(found) - search.score(together))), ()
     needed = search.threshold.of(term) + max(price(search.sizes[term]) - price(1), 0.0)
-    if other is None or not could_stand_for(near.instead_of, needed, near.beside, near.of_other):
+    if other is None or not could_stand_for(best.instead_of, needed, best.beside, best.of_other):
         return results, ()
     return results, (other.effect_joint,)
 
@@ -150,34 +160,39 @@ def _figures(
     """Further figures of each effect: ``closes`` and ``floors_more``.
 
     ``closes`` is the share of the gap that the effect closes alone. ``floors_more`` is the largest growth of a joint's
-    residual, in noise floors, if the effect takes the place of the effects that displace it.
+    residual, in noise floors, if the effect replaces the findings that displace it.
     """
     measured = dict(list(terms.items())[:_MOST_MEASURED])
-    left = _subset_residuals(shown, frozenset(measured.values()))
-    within, after = left(frozenset()), left(shown.named)
-    once = np.ones((1, len(within.counts)))
-    gap = float(gap_of(judge, within, after, once)[0])
-    base = float(within.loss(judge.floor, once)[0])
+    residual_with = _subset_residuals(shown, frozenset(measured.values()))
+    within, after = residual_with(frozenset()), residual_with(shown.named)
+    equal_weights = np.ones((1, len(within.counts)))
+    gap = float(gap_of(judge, within, after, equal_weights)[0])
+    loss_within = float(within.loss(judge.floor, equal_weights)[0])
     out: dict[EffectJoint, dict[str, float]] = {}
     for cause, term in measured.items():
-        alone = float(left(frozenset([term])).loss(judge.floor, once)[0])
-        out[cause] = {"closes": (base - alone) / gap}
+        loss_alone = float(residual_with(frozenset([term])).loss(judge.floor, equal_weights)[0])
+        out[cause] = {"closes": (loss_within - loss_alone) / gap}
         others = frozenset(one for one in shown.named if one.effect_joint in replacements.get(cause, ()))
         if others:
-            swapped = left(with_term(shown.named - others, term))
+            swapped = residual_with(with_term(shown.named - others, term))
             out[cause]["floors_more"] = float(np.max((swapped.rms() - after.rms()) / judge.floor))
     return out
 
 
 def _subset_residuals(shown: Shown, terms: frozenset[Term]) -> Callable[[frozenset[Term]], ResidualSums]:
-    """Function that gives squared residuals of any subset of named and other effects; linear ones are kept apart."""
+    """Function that returns the squared residuals with a subset of the findings and of further effects in the model.
+
+    Subsets of linear effects are fitted quickly, from products that are computed once. With a torque constant or a
+    payload among the effects this would not be possible, so these effects are kept apart.
+    """
     linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
-    of_linear, of_others = (subset_residuals(shown.plain, shown.named | some) for some in (linear, terms - linear))
-    return lambda chosen: of_linear(chosen) if chosen <= shown.named | linear else of_others(chosen)
+    with_linear = subset_residuals(shown.plain, shown.named | linear)
+    with_others = subset_residuals(shown.plain, shown.named | (terms - linear))
+    return lambda chosen: with_linear(chosen) if chosen <= shown.named | linear else with_others(chosen)
 
 
 def coarse_claims(search: Search, rounding: CoarseRounding) -> tuple[Claim[EffectAt], ...]:
-    """Entries of encoders whose readings lie on a coarser lattice than expected."""
+    """Entries of encoders whose steps in the recording are larger than expected."""
     joints = search.problem.session.robot.joint_names
     return tuple(
         Claim(

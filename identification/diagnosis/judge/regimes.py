@@ -1,4 +1,4 @@
-"""Regimes of motion, such as low speed, and the one in which the residual of a joint is largest."""
+"""Regimes of motion, such as low speed, and the share of a joint's residual in each of them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[
         "velocity_reversal": reversal,
         "low_speed": (speed < 0.25 * top_speed) & ~reversal,
         "high_speed": speed > 0.6 * top_speed,
-        # What the model computes as the torque of a joint without a drive is its residual.
+        # On a joint without a drive the modelled torque is the residual, so that a high load says nothing.
         "high_load": (load > 0.6 * top_load) & columns.operations[0].robot.actuators[row].actuated,
         "high_acceleration": np.abs(a) > 0.6 * top_acceleration,
         "one_direction": v[at] > 0,
@@ -44,12 +44,12 @@ def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[
 
 @dataclass(frozen=True)
 class RegimeSplit:
-    """Distribution of one joint's residual energy over regimes.
+    """Distribution of one joint's squared residual over regimes.
 
     Attributes:
-        shares: Share of the residual's energy in each regime.
+        shares: Share of the squared residual in each regime.
         times: Share of the samples in each regime.
-        best: Regime with the largest ratio of these shares, or ``everywhere`` if no ratio is large.
+        best: Regime with the largest ratio of share to time, or ``everywhere`` if no ratio is at least 1.5.
     """
 
     shares: dict[str, float]
@@ -58,11 +58,10 @@ class RegimeSplit:
 
 
 def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
-    """Distribution of one joint's residual energy over regimes, and the regime with most energy for its samples.
+    """Distribution of one joint's squared residual over regimes.
 
-    Of the two directions, and of the two halves of a recording, only the one with more energy than its share of the
-    samples is counted. The regime with the largest ratio of both shares is named if this ratio is at least 1.5; else
-    the residual is ``everywhere``.
+    ``one_direction`` is the direction of motion, and ``time_drift`` the half of each recording, with the larger mean
+    square.
     """
     columns = problem.columns
     energy, samples, total, count = {}, {}, 0.0, 0

@@ -1,4 +1,4 @@
-"""Share of the gap that the findings close, together and each of them (Shapley value)."""
+"""Share of the gap that the findings close: all together, and each by its Shapley value."""
 
 from __future__ import annotations
 
@@ -20,62 +20,76 @@ from identification.engine.shapley import shapley_values
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-_LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
+# The gap counts as at least this share of the loss: in a bootstrap replicate with next to no gap, dividing by the gap
+# would give a meaningless share.
+_LEAST_GAP = 1e-3
 
 
 def residual_sums_with(plain: Search, chosen: frozenset[Term]) -> ResidualSums:
-    """Squared residuals in the judged band of the corrected model with some effects, on blocks held out of its fit."""
+    """Squared residuals of the model with some effects on held-out blocks, in the judged band."""
     torque = held_out_torque(plain.problem, chosen, plain.held_out_fit(chosen))
     return residual_sums(plain.problem, plain.problem.session.in_judged_band(residual_after(plain.problem, torque)))
 
 
 def exceeds_floor(judge: Judge, within: ResidualSums) -> bool:
-    """True if the loss after the best changes within tolerance is more than the noise floor's interval allows."""
-    once = np.ones((1, len(within.counts)))
-    return float(within.loss(judge.floor, once)[0]) > float(np.mean((judge.highest / judge.floor) ** 2))
+    """True if the model adjusted within its tolerances has a larger loss than the noise may have.
+
+    The largest loss of noise is that of the upper ends of the noise floors.
+    """
+    equal_weights = np.ones((1, len(within.counts)))
+    return float(within.loss(judge.floor, equal_weights)[0]) > float(np.mean((judge.highest / judge.floor) ** 2))
 
 
 def gap_of(judge: Judge, within: ResidualSums, after: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-    """The gap of which shares are stated: loss after the best changes within tolerance, above the noise.
+    """The gap of which shares are stated, one for each row of weights.
 
-    A loss is the mean square in units of the noise floor, over weighted blocks. The mean loss may be below the
-    noise while one joint is above it: then the gap is the loss that the findings close.
+    A loss is the mean squared residual of all joints in units of their noise floors, so that noise alone has the loss
+    one. The gap is the loss of the model adjusted within its tolerances minus one. If that loss may be noise, although
+    one joint is above its noise, the gap is the decrease of the loss by the findings.
+
+    Args:
+        judge: Gives the noise floors.
+        within: Residual of the model adjusted within its tolerances.
+        after: Residual of the corrected model.
+        weights: Weights of the blocks, one row for each loss, ``(R, B)``.
     """
-    base = within.loss(judge.floor, weights)
-    beyond = base - 1.0 if exceeds_floor(judge, within) else base - after.loss(judge.floor, weights)
-    # In a replicate with next to no gap a share would have no meaning.
-    return np.maximum(beyond, _LEAST_GAP * base)
+    loss_within = within.loss(judge.floor, weights)
+    gap = loss_within - 1.0 if exceeds_floor(judge, within) else loss_within - after.loss(judge.floor, weights)
+    return np.maximum(gap, _LEAST_GAP * loss_within)
 
 
 def drawn_blocks(counted: ResidualSums) -> Float[Array, "R B"]:
-    """How often each block is drawn in each bootstrap replicate of the gap; the same draws for all findings."""
+    """How often each block is drawn in each bootstrap replicate of the gap; all findings get the same draws."""
     return block_counts(len(counted.counts), random_stream("bootstrap of the gap closed"))
 
 
 def least_shares_closed(
-    left: Callable[[frozenset[Term]], ResidualSums], chosen: frozenset[Term], sound: Float[Array, " nv"]
+    residual_with: Callable[[frozenset[Term]], ResidualSums], chosen: frozenset[Term], sound: Float[Array, " nv"]
 ) -> dict[Term, float]:
-    """The loss that each effect removes for sure (2.5 % of the bootstrap), divided by the loss that it removes.
+    """Lower end of the 95 % interval of the loss that each effect removes, divided by the loss that it removes.
 
-    The residual of each joint is divided by that of a sound model or, if larger, by the residual with all effects over
-    the largest that is no gap: else a joint with a large unexplained residual would hide the gap that an effect closes
-    on another joint. It is minus one for an effect that closes nothing. Near twins are left out, as each closes the gap
-    of the other.
+    The result is -1 for an effect that removes no loss. Effects are left out if another effect in the set makes nearly
+    the same torque (near twins), because each of the two would then remove no loss.
+
+    Before the loss is computed, residuals are divided by a scale for each joint. It is the residual of a sound model.
+    If all effects together leave more than `FLOORS_LEFT` times this, the scale is increased so that they leave exactly
+    `FLOORS_LEFT`. Otherwise a joint with a large residual would hide what an effect explains on another joint.
 
     Args:
-        left: Gives the squared residuals of a set of effects in the judged band.
+        residual_with: Function that returns the squared residuals in the judged band with a set of effects.
         chosen: The effects.
-        sound: Residual of each joint with a sound model.
+        sound: Root mean square residual of each joint with a sound model, ``(nv,)``.
     """
-    base, out = left(chosen), {}
-    once, drawn = np.ones((1, len(base.counts))), drawn_blocks(base)
-    scale = np.maximum(sound, base.rms() / contract_levels.FLOORS_LEFT)
+    with_all, out = residual_with(chosen), {}
+    equal_weights, drawn = np.ones((1, len(with_all.counts))), drawn_blocks(with_all)
+    scale = np.maximum(sound, with_all.rms() / contract_levels.FLOORS_LEFT)
     for term in ordered(chosen):
         if any(are_near_twins(term, other) for other in chosen):
             continue
-        without = left(chosen - {term})
-        closed, draws = (without.loss(scale, weights) - base.loss(scale, weights) for weights in (once, drawn))
-        out[term] = float(np.percentile(draws, 2.5) / closed[0]) if closed[0] > 0.0 else -1.0
+        without = residual_with(chosen - {term})
+        (removed,) = without.loss(scale, equal_weights) - with_all.loss(scale, equal_weights)
+        draws = without.loss(scale, drawn) - with_all.loss(scale, drawn)
+        out[term] = float(np.percentile(draws, 2.5) / removed) if removed > 0.0 else -1.0
     return out
 
 
@@ -83,37 +97,39 @@ def closed_together(judge: Judge, within: ResidualSums, after: ResidualSums) -> 
     """Share of the gap within tolerance that the findings close, with its interval from a block bootstrap.
 
     Args:
-        judge: Gives the noise floor.
-        within: Residual of the best changes within the tolerances.
+        judge: Gives the noise floors.
+        within: Residual of the model adjusted within its tolerances.
         after: Residual of the corrected model.
     """
     if not exceeds_floor(judge, within):
         return Gap()
-    once, drawn = (
-        (within.loss(judge.floor, weights) - after.loss(judge.floor, weights)) / gap_of(judge, within, after, weights)
-        for weights in (np.ones((1, len(within.counts))), drawn_blocks(within))
-    )
-    low, high = np.percentile(drawn, [2.5, 97.5])
-    return Gap(float(once[0]), (float(low), float(high)))
+
+    def share(weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+        closed = within.loss(judge.floor, weights) - after.loss(judge.floor, weights)
+        return closed / gap_of(judge, within, after, weights)
+
+    (whole,) = share(np.ones((1, len(within.counts))))
+    low, high = np.percentile(share(drawn_blocks(within)), [2.5, 97.5])
+    return Gap(float(whole), (float(low), float(high)))
 
 
 def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term, float]:
-    """Shapley value of each finding in the share of the gap that all close.
+    """Shapley value of each finding: its part of the share of the gap that all findings close together.
 
-    The tolerance parameters are fitted again in every coalition.
+    The tolerance parameters are fitted again for each subset of the findings.
 
     Args:
-        judge: Gives the noise floor.
+        judge: Gives the noise floors.
         plain: Fits in the judged band.
         named: The findings.
     """
-    left = subset_residuals(plain, named)
-    within, after = left(frozenset()), left(named)
-    once = np.ones((1, len(within.counts)))
-    base, gap = within.loss(judge.floor, once)[0], gap_of(judge, within, after, once)[0]
+    residual_with = subset_residuals(plain, named)
+    within, after = residual_with(frozenset()), residual_with(named)
+    equal_weights = np.ones((1, len(within.counts)))
+    loss_within, gap = within.loss(judge.floor, equal_weights)[0], gap_of(judge, within, after, equal_weights)[0]
 
     @cache
-    def closed(chosen: frozenset[Term]) -> float:
-        return float((base - left(chosen).loss(judge.floor, once)[0]) / gap)
+    def share_closed(chosen: frozenset[Term]) -> float:
+        return float((loss_within - residual_with(chosen).loss(judge.floor, equal_weights)[0]) / gap)
 
-    return shapley_values(ordered(named), closed)
+    return shapley_values(ordered(named), share_closed)

@@ -1,4 +1,4 @@
-"""The unexplained residual, and the verdict that follows from it."""
+"""Decides the verdict of a diagnosis, and describes the residual that the findings do not explain."""
 
 from __future__ import annotations
 
@@ -35,47 +35,45 @@ def verdict(
     hides: bool,
     plausible: bool = True,
 ) -> str:
-    """The contract's verdict; it has to agree with the figures of every joint.
+    """The verdict of a diagnosis; it has to agree with the gap of each joint.
 
     Args:
         joints: Gap of each joint.
         findings: Named causes.
-        left: The residual after them.
+        left: The residual that the findings do not explain.
         moved: True if some joint moves in the recording.
-        hides: True if ordinary friction, inertia or drive effects could hide in the noise.
-        plausible: False if the size of a finding is implausible, so that its cause may be another one.
+        hides: True if ordinary effects of friction, inertia or drives could be too small to be seen in the noise.
+        plausible: False if the size of a finding is implausible, so that the finding may be the wrong cause.
     """
     if not moved or torques_may_be_noise(joints):
         return "not_testable"
     clean = not left.structured and not left.times
     if not findings:
-        # A joint that the given model explains has no gap, whatever the changes for other joints leave on it.
         if not clean or any(_least_residual(joint) > joint.allowed for joint in joints):
             return "unknown"
-        known = all(joint.noise_is_known and not may_hide_gap(joint) for joint in joints if joint.hold_out_samples)
-        return "no_gap" if known and not hides else "not_testable"
-    little = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
-    if little and not left.times and all(nearly_closed(joint) for joint in joints):
+        tested = [joint for joint in joints if joint.hold_out_samples]
+        no_gap_hidden = all(joint.noise_is_known and not may_hide_gap(joint) for joint in tested)
+        return "no_gap" if no_gap_hidden and not hides else "not_testable"
+    little_structure = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
+    if little_structure and not left.times and all(nearly_closed(joint) for joint in joints):
         return "explained" if plausible else "partly_explained"
-    floor = np.array([joint.noise_floor for joint in joints])
-    within, after = (
-        float(np.mean((np.array(residuals) / floor) ** 2))
-        for residuals in ([joint.tolerated for joint in joints], [joint.rms_after for joint in joints])
-    )
+    # In units of squared noise floors, noise alone is one. Do the findings close more of the gap than remains?
+    within = float(np.mean(np.array([joint.tolerated / joint.noise_floor for joint in joints]) ** 2))
+    after = float(np.mean(np.array([joint.rms_after / joint.noise_floor for joint in joints]) ** 2))
     return "partly_explained" if after - 1.0 < within - after else "unknown"
 
 
 def torques_may_be_noise(joints: tuple[JointGap, ...]) -> bool:
-    """True if the measured torque of every tested joint may be noise, as when columns of the log are mixed up."""
-    judged = [joint for joint in joints if joint.hold_out_samples]
-    return bool(judged) and all(joint.rms_torque is not None and joint.allowed >= joint.rms_torque for joint in judged)
+    """True if the measured torque of each tested joint may be noise, for example because columns are mixed up."""
+    tested = [joint for joint in joints if joint.hold_out_samples]
+    return bool(tested) and all(joint.rms_torque is not None and joint.allowed >= joint.rms_torque for joint in tested)
 
 
 def may_hide_gap(joint: JointGap) -> bool:
-    """True if the residual of a joint is within the interval of its noise, but large enough to contain a gap.
+    """True if the residual of a joint is so large that it may contain a gap although it may also be noise.
 
-    The interval is wide mostly because of uncertain friction: while a joint stands, creeps or reverses, its friction
-    torque may have any value.
+    This happens if the interval of the noise is wide, mostly because the friction of a joint that stands still, creeps
+    or reverses is uncertain.
     """
     if joint.rms_torque is None:
         return False
@@ -84,7 +82,10 @@ def may_hide_gap(joint: JointGap) -> bool:
 
 
 def _least_residual(joint: JointGap) -> float:
-    """Residual of a joint with the corrected model, or with the given one if only that residual is noise."""
+    """Residual of a joint with the corrected model, or with the given model if only the latter may be noise.
+
+    The corrected model is fitted to all joints, so that a gap on other joints may increase the residual of this one.
+    """
     return joint.rms_before if joint.only_given_fits else joint.rms_after
 
 
@@ -97,9 +98,9 @@ def nearly_closed(joint: JointGap) -> bool:
 
 
 def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
-    """True if effects of friction, inertia or drives that are ordinary in size could all hide in this recording.
+    """True if no effect of ordinary size, which makes a tenth of the torque, would be seen in this recording.
 
-    An ordinary effect makes a tenth of the torque in this motion. Limits that are not known as a torque do not count.
+    Detection limits that are not known as a torque do not count.
     """
     known = [bound.of_torque for bound in bounds if bound.of_torque is not None]
     return bool(known) and min(known) > rules.ORDINARY_SHARE
@@ -114,16 +115,19 @@ def unexplained(
     of_sound: Float[Array, " nv"] | None = None,
     joints: Bool[Array, " nv"] | None = None,
 ) -> Unexplained:
-    """Share of the explainable gap that is not explained, with joint and regime of the residual if it has structure.
+    """Describes the residual: the part that a flexible regression on the state predicts, with its joint and regime.
+
+    The predicted part is called structure, because a missing effect may cause it. Its size is a share of the
+    explainable gap: the decrease of the loss by named effects and structure together.
 
     Args:
         plain: Plain fits in the judged band.
         chosen: The effects that are shown.
-        judge: Problem and floor of the gap.
-        residual: Residual after the named effects, in the judged band.
-        whole: Residual after all effects, structures without a name included.
-        of_sound: Largest residual of each joint with a sound model that a flexible model predicts, ``(nv,)``; None if
-            it predicts none.
+        judge: Problem and noise floor of the judged band.
+        residual: Residual with the named effects in the model, in the judged band.
+        whole: Residual with all effects in the model, structures without a name included.
+        of_sound: Largest predictable part of each joint's residual with a sound model, root mean square, ``(nv,)``;
+            None: any predictable part counts.
         joints: The joints whose residual counts; None: all.
     """
     floor, problem, session = judge.floor, plain.problem, judge.problem.session
@@ -131,26 +135,32 @@ def unexplained(
     nameless = frozenset(
         term for term in chosen if not term.named and counted[list(rows_touched_by(problem, term))].any()
     )
-    flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
-    predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
+    # Here "flexible" is the residual after the flexible regression.
+    flexible = tuple(r - p for r, p in zip(whole, flexible_prediction(problem, whole), strict=True))
+    predicted = tuple(r - f for r, f in zip(residual, flexible, strict=True))
     tolerated = residual_after(problem, held_out_torque(problem, frozenset(), plain.held_out_fit(frozenset())))
-    within, after, smooth = (
+    sums_within, sums_after, sums_flexible = (
         replace(sums, squares=np.where(counted, sums.squares, 0.0))
         for sums in (residual_sums(problem, each) for each in (session.in_judged_band(tolerated), residual, flexible))
     )
-    once = np.ones((1, len(after.counts)))
-    allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
-    gains = (after.squares - smooth.squares) / floor**2
-    total = gains.sum(axis=1)
-    error = float(np.sqrt(len(total)) * total.std()) + 1e-12
-    lasting = left - best > rules.STRUCTURE_SHARE * left and total.sum() > rules.STRUCTURE_ERRORS * error
-    # The error of a sound model is predictable, too, and so is the friction of its joints while they stand or creep.
-    foreseen = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / np.maximum(after.counts.sum(axis=0), 1e-12)) * floor
-    beyond = of_sound is None or bool(np.any(foreseen > of_sound))
-    structured = bool(nameless) or bool(beyond and (lasting or left - best > rules.PLAIN_STRUCTURE * left))
-    # The part that changes within the tolerances explain is no gap.
-    explainable = allowed - min(best, left)
-    fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
+    equal_weights = np.ones((1, len(sums_after.counts)))
+    within, after, best = (
+        float(sums.loss(floor, equal_weights)[0]) for sums in (sums_within, sums_after, sums_flexible)
+    )
+    gains = (sums_after.squares - sums_flexible.squares) / floor**2
+    by_block = gains.sum(axis=1)
+    error = float(np.sqrt(len(by_block)) * by_block.std()) + 1e-12
+    significant = by_block.sum() > rules.STRUCTURE_ERRORS * error
+    large = after - best > rules.STRUCTURE_SHARE * after
+    most = after - best > rules.PLAIN_STRUCTURE * after
+    # The error of a sound model is predictable, too, and so is the friction of joints while they stand still or creep.
+    counts = np.maximum(sums_after.counts.sum(axis=0), 1e-12)
+    predictable = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / counts) * floor
+    beyond_sound = of_sound is None or bool(np.any(predictable > of_sound))
+    structured = bool(nameless) or bool(beyond_sound and ((large and significant) or most))
+    # What changes within the tolerances explain is no gap.
+    explainable = within - min(best, after)
+    fraction = float(np.clip((after - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
     joint, regime = None, None
     if structured:
         row = int(np.argmax(gains.sum(axis=0)))
@@ -161,22 +171,25 @@ def unexplained(
 
 
 def flexible_prediction(problem: Problem, residual: Series) -> Series:
-    """Held-out prediction of the residual by a flexible regression on the state; zero where it does not help."""
+    """Prediction of the residual on held-out blocks by a flexible regression on the state.
+
+    The prediction is zero on joints whose squared residual it does not decrease.
+    """
     columns = problem.columns
-    out = [np.zeros_like(r) for r in residual]
+    out = [np.zeros_like(own) for own in residual]
     for j in range(len(columns.rows)):
-        x = [state_features(columns, log, k, j) for k, log in enumerate(problem.session.logs)]
-        y, use = [r[:, j] for r in residual], [u[:, j] for u in columns.usable]
-        predictions = ridge_predictions(x, y, use, problem.blocks, problem.grams.fold)
+        features = [state_features(columns, log, k, j) for k, log in enumerate(problem.session.logs)]
+        target, use = [own[:, j] for own in residual], [usable[:, j] for usable in columns.usable]
+        predictions = ridge_predictions(features, target, use, problem.blocks, problem.grams.fold)
         predicted, error = min(predictions, key=lambda prediction: prediction[1])
-        if error < rms([v[m] for v, m in zip(y, use, strict=True)]) ** 2:
-            for k, p in enumerate(predicted):
-                out[k][:, j] = p
+        if error < rms([own[mask] for own, mask in zip(target, use, strict=True)]) ** 2:
+            for k, own in enumerate(predicted):
+                out[k][:, j] = own
     return tuple(out)
 
 
 def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
-    """Changes of the model within its tolerances that exceed two standard deviations, or are at their limit."""
+    """Changes of the model within its tolerances that are larger than two standard deviations, or at their limit."""
     std = np.sqrt(np.diag(found.cov))[: len(problem.fitted_nuisances)]
     out = []
     for k, deviation in zip(problem.fitted_nuisances, std, strict=True):
@@ -189,7 +202,10 @@ def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
 
 
 def hidden_change(robot: Robot, parameter: ToleranceParameter) -> Hidden:
-    """The larger error of the model that may hide behind a change at its limit."""
+    """The larger error of the model that a change at its limit may conceal.
+
+    A mass at its limit may conceal a payload of the same size; other quantities may differ by more than the limit.
+    """
     masses = {body_name(robot, k): robot.model.inertias[k].mass for k in range(1, robot.model.njoints)}
     body, _, quantity = parameter.name.rpartition(" ")
     if quantity == "mass" and body in masses:

@@ -136,13 +136,13 @@ def widened_by_rivals(fitted: FullFit, shown: Shown) -> FullFit:
 
 
 def _wider(fitted: FullFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> FullFit:
-    """The fit, with the squared shift of the coefficients times a probability added to their covariance.
+    """The fit, with a probable shift of the coefficients added to their covariance.
 
     Args:
         fitted: Fit of all parameters.
         kept: Effects whose covariance is enlarged, if they are in the fit.
-        shift: Change of the coefficients of all columns, ``(K,)``.
-        probability: Probability of the change.
+        shift: Shift of the coefficients of all columns, ``(K,)``.
+        probability: Probability of the shift, by which its square is multiplied.
     """
     cov = fitted.cov.copy()
     for slices in fitted.term_slices:
