@@ -1,8 +1,11 @@
 """Stepwise search for the set of effects that explains the recordings.
 
-Effects are added in the order of their held-out gain, removed once they are needless, and swapped for simpler or better
-ones. Then structures without a name, which match no effect of the catalogue, are added to the set, or replace effects
-that only resemble them.
+Effects are added in the order of their held-out gains. They are removed when they are no longer needed, and swapped for
+simpler or better ones. Then structures without a name (they match no effect of the catalogue) are added to the set, or
+replace effects that only resemble them.
+
+The score of a set is its held-out loss plus the price of its parameters; a smaller score is better. The search records
+each decision as the result of a gate; in this file ``stays`` is the result of the present set against another one.
 """
 
 from __future__ import annotations
@@ -30,10 +33,10 @@ from identification.stages import Announcement, Progress, Stage
 
 # Largest number of rivals that one step tests on held-out data: those with the largest in-sample gains.
 _MOST_JUDGED = 24
-# The same for rivals of which the best one nearly always has a large in-sample gain: effects below the threshold of
-# chance, structures without a name, and effects with which a search begins again where a joint moves in one sine.
+# The same where the best rival nearly always has one of the largest in-sample gains: for effects below the threshold of
+# chance, structures without a name, and the first effects of `_with_other_starts`.
 _FEW_JUDGED = 8
-# Largest number of joints of a robot for which a search begins again.
+# `_with_other_starts` is used for robots with at most this many joints.
 _MOST_JOINTS_BEGUN = 3
 # Largest number of structures without a name in a set.
 _MOST_NAMELESS = 4
@@ -44,35 +47,42 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
 
     Free inertial parameters of all links explain a little of any missing effect. So the search finds the other effects
     first. If free inertial parameters alone explain more than all found effects together, they replace these, and the
-    search goes on from there. On a robot of many joints gains of torque constants are tested last, too, because a fit
-    with one takes many times as long.
+    search continues with them. On a robot with many joints torque constants are tested last, too, because a fit with
+    one takes many times as long.
 
     Args:
         search: Problem, rivals, threshold.
         progress: Is called at the beginning of each stage.
         start: Effects that an earlier search has found.
     """
-    # The laws of these effects were linearised again, so swaps come first: beside a law that is now the wrong one,
-    # effects would be added that only correct its errors.
+    # After the earlier search, laws were linearised again about its result, so that another law may now fit better.
+    # Swaps come first: otherwise effects would be added that only correct the errors of a wrong law.
     chosen = with_swaps(search, backward_elimination(search, frozenset(term for term in start if term.named)))
-    bodies = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
-    gains = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
-    if bodies is not None or gains:
-        chosen = _improved_without(search, gains | {bodies}, chosen, progress)
-    if bodies is not None and bodies not in chosen:
-        alone = search.alone[bodies]
-        # Held-out losses take longer, so they are computed only if bodies are better in sample.
-        of_bodies, of_others = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
-        if of_bodies < of_others:
-            stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
-            if not stays.passed:
-                search.record.add_failed(chosen, stays, replaced_by=[bodies])
-                search.record.add_passed([bodies])
-                chosen = alone
-    if bodies is not None and gains:
-        chosen = _improved_without(search, gains, chosen, progress)
+    links = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
+    constants = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
+    if links is not None or constants:
+        chosen = _improved_without(search, constants | {links}, chosen, progress)
+    if links is not None and links not in chosen:
+        chosen = _alone_if_better(search, links, chosen)
+    if links is not None and constants:
+        chosen = _improved_without(search, constants, chosen, progress)
     chosen = _with_other_starts(search, _improved(search, chosen, progress), progress)
     return with_nameless(search, chosen, progress)
+
+
+def _alone_if_better(search: Search, term: Term, chosen: frozenset[Term]) -> frozenset[Term]:
+    """The set that consists of one effect if its score is better than that of the chosen set, else the chosen set."""
+    alone = search.alone[term]
+    # Held-out scores take longer, so they are computed only if the effect is better in sample.
+    in_sample, in_sample_chosen = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
+    if not in_sample < in_sample_chosen:
+        return chosen
+    stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
+    if stays.passed:
+        return chosen
+    search.record.add_failed(chosen, stays, replaced_by=[term])
+    search.record.add_passed([term])
+    return alone
 
 
 def _improved_without(
@@ -81,7 +91,8 @@ def _improved_without(
     """The set that `_improved` finds without the effects ``late``; ``chosen`` itself if it contains one of them."""
     if not chosen.isdisjoint(late):
         return chosen
-    return _improved(replace(search, terms=tuple(term for term in search.terms if term not in late)), chosen, progress)
+    without_late = replace(search, terms=tuple(term for term in search.terms if term not in late))
+    return _improved(without_late, chosen, progress)
 
 
 def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
@@ -100,9 +111,9 @@ def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> fr
 def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set, or a better one from a search that begins with another effect, if a joint moves in one sine.
 
-    In one sine the torque of a joint consists of two numbers: its parts in phase and out of phase with the motion. Two
-    true effects may make one part each. A wrong effect that makes both parts then gains most by itself, and the true
-    effects gain nothing beside it.
+    In one sine the torque of a joint is given by two numbers: its amplitudes in phase and out of phase with the motion.
+    Suppose that of two true effects each causes one of them, and a wrong effect both. Then the wrong effect gains most
+    by itself and is added first, and beside it the true effects gain nothing.
     """
     sines = search.problem.session.in_one_sine
     if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
@@ -111,11 +122,11 @@ def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progre
         term for term in search.terms if term.named and not sines.isdisjoint(rows_touched_by(search.problem, term))
     )
     gains = search.gains(frozenset(), named)
-    first: dict[EffectJoint, Term] = {}
+    best_shapes: dict[EffectJoint, Term] = {}
     for term in sorted(named, key=lambda term: -gains[term]):
-        first.setdefault(term.effect_joint, term)
+        best_shapes.setdefault(term.effect_joint, term)
     best = chosen
-    for term in [*first.values()][:_FEW_JUDGED]:
+    for term in [*best_shapes.values()][:_FEW_JUDGED]:
         if term in chosen:
             continue
         trial = replace(search, record=search.record.copy_for_trial())
@@ -129,45 +140,47 @@ def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progre
 
 
 def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
-    """The set with one more named effect, the one with the best score, if its score is better than without; else None.
+    """The set with one more named effect, if that improves the score; else None.
 
-    Such an effect gains more than its price, but need not exceed the threshold of chance.
+    The effect gains more than its price, but its gain may be below the threshold of chance.
     """
     rivals = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
-    promised = search.gains(chosen, rivals, above=0.0)
-    best = sorted(rivals, key=lambda term: -promised[term])[:_FEW_JUDGED]
-    worth = [with_term(chosen, term) for term in best if _beats_small_parts(search, chosen, term)]
-    tried = min(worth, key=search.score, default=None)
-    return tried if tried is not None and search.score(tried) < search.score(chosen) else None
+    in_sample_gains = search.gains(chosen, rivals, above=0.0)
+    most_promising = sorted(rivals, key=lambda term: -in_sample_gains[term])[:_FEW_JUDGED]
+    sets = [with_term(chosen, term) for term in most_promising if _beats_small_parts(search, chosen, term)]
+    best = min(sets, key=search.score, default=None)
+    return best if best is not None and search.score(best) < search.score(chosen) else None
 
 
 def forward_selection(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
-    A gain in sample is larger than on held-out data. So rivals are tested on held-out data in the order of their gains
-    in sample, until no further one can be better than the best so far. An added effect may make earlier ones
-    unnecessary, and once they are removed it may be unnecessary itself. If a set repeats for this reason, the best set
-    of the cycle is returned.
+    The gain of an effect in sample is larger than on held-out data. So effects are tested on held-out data in the order
+    of their gains in sample, until no further one can be better than the best so far.
+
+    After each addition, unnecessary effects are removed. Without these the added effect may become unnecessary, too, so
+    that a set may repeat. Then the best set since its first occurrence is returned.
     """
     seen = [chosen]
     while True:
         progress(Announcement(Stage.RIVALS_TRIED, detail={"found": len(chosen)}))
-        base = search.score(chosen)
+        score = search.score(chosen)
         rivals = [term for term in search.terms if term.named and search.can_join(chosen, term)]
-        promised = search.gains(chosen, tuple(rivals), above=0.0)
-        best, most = None, 0.0
-        ranked = sorted(rivals, key=lambda term: -promised[term])
+        in_sample_gains = search.gains(chosen, tuple(rivals), above=0.0)
+        best, largest_gain = None, 0.0
+        ranked = sorted(rivals, key=lambda term: -in_sample_gains[term])
         for term in ranked[:_MOST_JUDGED]:
-            if promised[term] < most:
+            if in_sample_gains[term] < largest_gain:
                 break
             # The threshold of chance applies to the gain before the price is subtracted.
-            if not more_than_chance(promised[term] + price(search.sizes[term]), search.threshold.of(term)).passed:
+            gain_before_price = in_sample_gains[term] + price(search.sizes[term])
+            if not more_than_chance(gain_before_price, search.threshold.of(term)).passed:
                 continue
-            gain = base - search.score(with_term(chosen, term))
-            if not explains_more_than_others(gain, most).passed or not _beats_small_parts(search, chosen, term):
+            gain = score - search.score(with_term(chosen, term))
+            if not explains_more_than_others(gain, largest_gain).passed:
                 continue
-            if passes_gates(search, with_term(chosen, term), chosen):
-                best, most = term, gain
+            if _beats_small_parts(search, chosen, term) and passes_gates(search, with_term(chosen, term), chosen):
+                best, largest_gain = term, gain
         if best is None:
             return chosen
         chosen = _with_claimed(search, chosen, best)
@@ -180,16 +193,16 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
 
 
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
-    """The set with the most promising effect of each further joint that passes the gates of a claim.
+    """The set with the most promising effect of each other joint, if it passes the gates of a claim.
 
-    Free inertial parameters explain a little of any missing effect, so they are added only as the best effect of a
-    step. The same holds for gains of torque constants, because a fit with one takes many times as long.
+    Free inertial parameters and torque constants are not added here, but only as the best effect of a step: free
+    inertial parameters explain a little of any missing effect, and fits with a torque constant take very long.
 
     Args:
         search: Rivals.
         chosen: The set with the best effect of this step.
-        best: That effect.
-        ranked: Rivals, the most promising first.
+        best: The best effect of this step.
+        ranked: Rivals in the order of their in-sample gains, the largest first.
     """
     joints = {best.joint}
     for term in ranked:
@@ -213,40 +226,42 @@ def _with_claimed(search: Search, chosen: frozenset[Term], term: Term) -> frozen
 def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set with effects of single joints in place of a law of many joints, if they explain more.
 
-    A law with more parameters than the robot has joints gains most at first, because it explains a little of every
-    effect: free inertial parameters explain wrong rotor inertias on all joints. One torque constant for several joints
-    also explains wrong friction on all of them. No swap of one effect for another removes such a law, so the search is
-    repeated without it. A common torque constant is compared with friction on all of its joints, even where the
-    friction of one joint is too small for a claim.
+    Such a law gains most at first, because it explains a little of the effects of all joints. It is a law with more
+    parameters than the robot has joints (free inertial parameters explain wrong rotor inertias), or one torque constant
+    for several joints (which explains wrong friction on all of them). No swap of one effect for another removes such a
+    law, so the search is repeated without it.
     """
     for term in ordered(chosen):
-        rows = search.problem.columns.rows
-        if search.sizes[term] <= len(rows) and not is_of_many_joints(term):
+        has_many_parameters = search.sizes[term] > len(search.problem.columns.rows)
+        if not has_many_parameters and not is_of_many_joints(term):
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
         without = replace(search, terms=others, record=search.record.copy_for_trial())
-        tried = with_swaps(
-            without, backward_elimination(without, forward_selection(without, chosen - {term}, progress))
-        )
-        several = [tried] if search.sizes[term] > len(rows) else [tried, _with_small_parts(without, tried, term)]
-        margin = min(search.score(one) for one in several) - search.score(chosen)
+        tried = forward_selection(without, chosen - {term}, progress)
+        tried = with_swaps(without, backward_elimination(without, tried))
+        score = search.score(tried)
+        if not has_many_parameters:
+            # The common torque constant is also compared with friction on each of its joints, although the friction of
+            # one joint may be too small for a claim.
+            score = min(score, search.score(_with_small_parts(without, tried, term)))
         # Many sets were tried, so a small margin may be chance.
-        stays = explains_more_than_others(margin, -above_chance.PARAMETER_PRICE)
+        stays = explains_more_than_others(score - search.score(chosen), -above_chance.PARAMETER_PRICE)
         if not stays.passed:
             search.record.take_over(without.record)
             search.record.add_failed([term], stays, replaced_by=tried - chosen)
             chosen = tried
         else:
             # The effects of the trial are recorded as failed: they explain no more than the law.
-            explains = explains_more_than_others(-margin, above_chance.PARAMETER_PRICE)
-            search.record.add_failed(tried - chosen, explains, replaced_by=[term])
+            trial = explains_more_than_others(search.score(chosen) - score, above_chance.PARAMETER_PRICE)
+            search.record.add_failed(tried - chosen, trial, replaced_by=[term])
     return chosen
 
 
 def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> bool:
     """False for an effect with one parameter for several joints that gains no more than its parts on these joints.
 
-    Its gain may come from friction that is too small for a claim on each single joint.
+    The gain of such an effect may come from friction on several joints that is too small for a claim on each joint. All
+    other effects pass.
     """
     if not is_beside_parts(chosen, term):
         return True
@@ -256,7 +271,7 @@ def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> b
 
 
 def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set plus all effects of single joints whose sum makes nearly the same torque as a law of these joints."""
+    """The set plus the effects of single joints whose sum has nearly the torque of an effect of all these joints."""
     for part in parts_of(search, term):
         if part.joint is not None and can_join(chosen, part):
             chosen = with_term(chosen, part)
@@ -264,36 +279,50 @@ def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> fr
 
 
 def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The set with structures outside the catalogue, added to named effects or in place of them.
+    """The set with structures without a name, which are added to named effects or replace them.
 
     A structure has to gain as much as any claim beyond the best set of named effects; effects that it makes unnecessary
-    are then removed. A structure with fewer parameters may replace several effects, except where a joint moves in one
-    sine: there a structure with two parameters can make any torque.
+    are then removed. A structure with fewer parameters than several effects together may replace them with less gain,
+    except if a joint moves in one sine: there a structure with two parameters can make any torque.
     """
-    sines = search.problem.session.in_one_sine
     progress(Announcement(Stage.NAMELESS))
     accuracy = exchange.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
-    nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):
-        better: dict[frozenset[Term], GateResult] = {}
-        # A structure is added to all effects, and also to the nameless ones alone; then needed effects are added again.
-        for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
-            promised = search.gains(base, nameless, above=search.threshold.overall)
-            for term in sorted(nameless, key=lambda term: -promised[term])[:_FEW_JUDGED]:
-                if not more_than_chance(promised[term], search.threshold.overall).passed or not can_join(base, term):
-                    continue
-                tried = _with_needed_only(search, term, base, chosen)
-                # The present set stays unless the set with the structure has a score that is lower by ``needed``.
-                in_one_sine = not sines.isdisjoint(rows_touched_by(search.problem, term))
-                needed = _least_nameless_gain(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
-                stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
-                if not stays.passed and passes_gates(search, tried, tried - {term}):
-                    better[tried] = stays
+        better = _better_with_structure(search, chosen, accuracy)
         if not better:
             return chosen
         before, chosen = chosen, min(better, key=search.score)
         search.record.add_failed(before - chosen, better[chosen], replaced_by=chosen - before)
     return chosen
+
+
+def _better_with_structure(
+    search: Search, chosen: frozenset[Term], accuracy: float
+) -> dict[frozenset[Term], GateResult]:
+    """Sets with one more structure that are better than a set, each with the result of the gate that the set failed.
+
+    Args:
+        search: Rivals.
+        chosen: The set.
+        accuracy: Gain that a structure may owe to inaccuracies of the laws that it replaces.
+    """
+    structures = tuple(term for term in search.terms if not term.named)
+    sines = search.problem.session.in_one_sine
+    better: dict[frozenset[Term], GateResult] = {}
+    # A structure is added to the whole set, and to its structures alone. Then needed effects are added again.
+    for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
+        in_sample_gains = search.gains(base, structures, above=search.threshold.overall)
+        for term in sorted(structures, key=lambda term: -in_sample_gains[term])[:_FEW_JUDGED]:
+            if not more_than_chance(in_sample_gains[term], search.threshold.overall).passed or not can_join(base, term):
+                continue
+            tried = _with_needed_only(search, term, base, chosen)
+            in_one_sine = not sines.isdisjoint(rows_touched_by(search.problem, term))
+            needed = _least_nameless_gain(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
+            # The present set stays unless the score of the set with the structure is lower by ``needed``.
+            stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
+            if not stays.passed and passes_gates(search, tried, tried - {term}):
+                better[tried] = stays
+    return better
 
 
 def _count_of_causes(effects: frozenset[Term]) -> int:
@@ -304,13 +333,14 @@ def _count_of_causes(effects: frozenset[Term]) -> int:
 def _least_nameless_gain(
     search: Search, structure: Term, replaced: frozenset[Term], accuracy: float, *, in_one_sine: bool
 ) -> float:
-    """Least decrease of the score by a nameless structure if it makes some effects unnecessary.
+    """Decrease of the score that a structure without a name needs if it makes some effects unnecessary.
 
-    It is zero if several effects together have more parameters than the structure: then they probably imitate it.
+    The result is zero if the structure has fewer parameters than several effects together: then these effects probably
+    imitate what the structure describes.
 
     Args:
         search: Rivals.
-        structure: A structure outside the catalogue.
+        structure: A structure without a name.
         replaced: Effects that the structure makes unnecessary.
         accuracy: Gain that the structure may owe to inaccuracies of the laws that it replaces.
         in_one_sine: True if the joint of the structure moves in one sine, where two parameters can make any torque.
@@ -318,8 +348,10 @@ def _least_nameless_gain(
     simpler = not structure.shape and search.sizes[structure] < search.sizes_of(replaced)
     if simpler and len(replaced) > 1 and not in_one_sine:
         return 0.0
-    gone = min(_count_of_causes(replaced), 1 if in_one_sine else len(exchange.NAMELESS_MARGIN) - 1)
-    return exchange.NAMELESS_MARGIN[gone] * search.threshold.overall + (accuracy if gone in (1, 2) else 0.0)
+    most = 1 if in_one_sine else len(exchange.NAMELESS_MARGIN) - 1
+    causes = min(_count_of_causes(replaced), most)
+    margin = exchange.NAMELESS_MARGIN[causes] * search.threshold.overall
+    return margin + accuracy if causes in (1, 2) else margin
 
 
 def _with_needed_only(
@@ -327,17 +359,18 @@ def _with_needed_only(
 ) -> frozenset[Term]:
     """The set ``base`` with a structure, and with those named effects of ``chosen`` that are still needed.
 
-    Effects on other joints count as needed without a test. If there are many effects on the structure's joints, only
-    those are tested whose removal raises the loss least; the others count as needed.
+    Effects on other joints than the structure's count as needed without a test. If the set has many effects, only those
+    are tested whose removal increases the loss least; the others count as needed, too.
     """
     rows = rows_touched_by(search.problem, structure)
-    whole = with_term(chosen, structure)
-    untested = whole.difference(least_needed(search, whole))
+    with_all = with_term(chosen, structure)
+    untested = with_all.difference(least_needed(search, with_all))
     needed = [
         term
         for term in ordered(chosen)
         if term.named and (term in untested or rows.isdisjoint(rows_touched_by(search.problem, term)))
     ]
+    # First the needed effects are added, then those that pass the gates and replace no effect of the set.
     tried = with_term(base, structure)
     for term in needed:
         if can_join(tried, term):
@@ -346,9 +379,10 @@ def _with_needed_only(
         more = with_term(tried, term)
         if term.named and can_join(tried, term) and passes_gates(search, more, tried) and more >= tried:
             tried = more
+    # Then tested effects are removed one by one, as long as some fail the gates.
     while True:
         tested = ordered(tried.difference(needed))
-        needless = [term for term in tested if term.named and not passes_gates(search, tried, tried - {term})]
-        if not needless:
+        unnecessary = [term for term in tested if term.named and not passes_gates(search, tried, tried - {term})]
+        if not unnecessary:
             return tried
-        tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}
+        tried = tried - {min(unnecessary, key=lambda term: search.score(tried - {term}))}
