@@ -1,7 +1,7 @@
-"""Removes claims that motion without a measured torque cannot support.
+"""Removes claims that recordings without a measured torque cannot support.
 
-Without a measured torque, a wrong torque constant has the same effect as a wrong controller gain, and a torque offset
-the same as another zero of the reference.
+In such recordings the torque is computed from the position error and the gains of the controller. So a wrong torque
+constant has the same effect as a wrong gain, and a torque offset the same as another zero of the reference.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from identification.notes import Code, Note
 from identification.rollout.compare import Rollout
 from phantom_dyn.model.robot import Robot
 
-# Smallest error of a joint simulated under its controller that is noted, in standard deviations of its readings.
+# A position error in the simulation under the controllers is noted if it exceeds this many standard deviations of the
+# position readings.
 _STRAYS = 10.0
 _TWIN = (
     "positions determine only the product of torque constant and controller gain: measure the current or torque, or "
@@ -40,68 +41,61 @@ def without_gain_ambiguities(
 ) -> Judgement:
     """The judgement without claims that an error of a controller's gain would explain as well.
 
-    A ratio of torque constants that differs from 1 by at most two tolerances of the gains is no gap, and is listed as
-    adjusted. A larger ratio remains a finding, with a warning that it is the product of constant and gain. Gains that
-    were estimated from the same positions hide three effects, which are then not testable: any ratio of torque
-    constants, loads that scale weight and inertia of a joint alike, and viscous friction up to the damping gain. A
-    torque offset remains a finding, with a note of the zero of the reference that would explain it.
+    - Torque constant. A ratio that differs from 1 by at most two tolerances of the gain is no gap: it is listed as
+      adjusted. A larger ratio remains a finding, with a warning that only the product of constant and gain is known.
+    - Torque offset. It remains a finding, with a note of the zero of the reference that would explain it.
+    - If a gain was estimated from the same positions, three effects are not testable on its joint: any ratio of torque
+      constants, loads that scale weight and inertia alike, and viscous friction up to the damping gain.
 
     Args:
         judgement: Judgement of the torque that controllers command.
-        recordings: Its recordings; if a torque was measured, the judgement is returned unchanged.
+        recordings: Recordings of the judgement. If a torque was measured, the judgement is returned unchanged.
         rollout: Motion simulated under the controllers.
-        robot: The robot with its gains, estimated ones included.
+        robot: The robot with the gains of its controllers, including estimated ones.
     """
     if not any(recording.controlled for recording in recordings):
         return judgement
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     constants = [finding for finding in judgement.findings if finding.effect == "torque_constant"]
     results = {_place(one): gate.beyond_the_gain(_excess(one), stated=one.joint not in estimated) for one in constants}
-    small = [one for one in constants if not results[_place(one)].passed]
-    large = [finding for finding in constants if finding not in small]
+    small_ratios = [one for one in constants if not results[_place(one)].passed]
+    large_ratios = [one for one in constants if results[_place(one)].passed]
     # An estimated kd includes the viscous friction of the joint, so it may be too large by this friction.
     damping = [
         one
         for one in judgement.findings
         if one.effect == "viscous_friction" and one.joint in estimated and _explained_by_damping_gain(one, robot)
     ]
-    small += damping
     results |= {_place(one): gate.beyond_the_gain(_over_damping(one, robot), stated=False) for one in damping}
-    findings = tuple(finding for finding in judgement.findings if finding not in small)
-    claimed = {finding.joint for finding in large}
-    untestable = tuple(
-        NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints if gap.joint not in claimed
-    )
-    found = {(finding.effect, finding.joint) for finding in findings}
-    by_gains = [("viscous_friction", g.joint, _DAMPING) for g in judgement.joints if g.joint in estimated]
-    by_gains += [("inertial_parameters", g.joint, _LOAD) for g in judgement.joints if g.joint in estimated]
-    by_gains += [("payload", None, _LOAD)] if estimated else []
-    untestable += tuple(NotTestable(*one) for one in by_gains if one[:2] not in found)
-    places_by_gains = {one[:2] for one in by_gains}
+    kept = [finding not in small_ratios and finding not in damping for finding in judgement.findings]
+    findings = tuple(finding for finding, keep in zip(judgement.findings, kept, strict=True) if keep)
+    found = {_place(finding) for finding in findings}
+    constants_by_gains = [NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints]
+    others_by_gains = _hidden_by_estimated_gains(judgement, estimated)
+    by_gains = (*constants_by_gains, *others_by_gains)
+    hidden = {(entry.effect, entry.joint) for entry in others_by_gains}
 
-    def hidden(effect: str, joint: str | None) -> bool:
-        """True if errors of gains hide an effect, so that the judgement's own statements on it do not hold."""
-        return effect == "torque_constant" or (effect, joint) in places_by_gains
+    def is_hidden(effect: str, joint: str | None) -> bool:
+        """True if errors of gains hide an effect. What the judgement says of its size or test then does not hold."""
+        return effect == "torque_constant" or (effect, joint) in hidden
 
-    others = tuple(entry for entry in judgement.not_testable if not hidden(entry.effect, entry.joint))
+    not_testable_otherwise = tuple(one for one in judgement.not_testable if not is_hidden(one.effect, one.joint))
+    untestable = tuple(entry for entry in by_gains if (entry.effect, entry.joint) not in found)
     within_gain_tolerance = tuple(
-        Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), gate.GAIN_TOLERANCE)
-        for finding in small
-        if finding not in damping
+        Adjusted(f"{one.joint} torque constant times controller gain", _excess(one), gate.GAIN_TOLERANCE)
+        for one in small_ratios
     )
-    warned = tuple(Note(Code.GAIN_OR_CONSTANT, finding.joint, {"ratio": 1.0 + _excess(finding)}) for finding in large)
+    warned = tuple(Note(Code.GAIN_OR_CONSTANT, one.joint, {"ratio": 1.0 + _excess(one)}) for one in large_ratios)
     warned += _zero_notes(findings, robot)
-    kept = [finding not in small for finding in judgement.findings]
-    without = judgement.evidence.tau_without
-    shown = tuple(torque for torque, keep in zip(without, kept, strict=False) if keep)
+    shown = tuple(torque for torque, keep in zip(judgement.evidence.tau_without, kept, strict=False) if keep)
     verdict = "no_gap" if not findings and judgement.verdict == "explained" else judgement.verdict
     return replace(
         judgement,
         findings=findings,
         verdict=verdict,
         adjusted=(*judgement.adjusted, *within_gain_tolerance),
-        bounds=tuple(bound for bound in judgement.bounds if not hidden(bound.effect, bound.joint)),
-        not_testable=(*others, *untestable),
+        bounds=tuple(bound for bound in judgement.bounds if not is_hidden(bound.effect, bound.joint)),
+        not_testable=(*not_testable_otherwise, *untestable),
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),
         notes=(*judgement.notes, *(_stray_notes(judgement, rollout, robot) if verdict == "no_gap" else ())),
@@ -113,8 +107,18 @@ def _place(finding: Finding) -> tuple[str, str | None]:
     return finding.effect, finding.joint
 
 
+def _hidden_by_estimated_gains(judgement: Judgement, estimated: set[str]) -> list[NotTestable]:
+    """Effects, besides torque constants, that estimated gains hide: they were estimated from the same positions."""
+    joints = [gap.joint for gap in judgement.joints if gap.joint in estimated]
+    out = [NotTestable("viscous_friction", joint, _DAMPING) for joint in joints]
+    out += [NotTestable("inertial_parameters", joint, _LOAD) for joint in joints]
+    if estimated:
+        out.append(NotTestable("payload", None, _LOAD))
+    return out
+
+
 def _limited(claim: Claim[EffectAt], results: Mapping[tuple[str, str | None], GateResult]) -> Claim[EffectAt]:
-    """An entry of the ledger with the result of the gate of gains for its effect."""
+    """An entry of the ledger, with the result of the gate `beyond_the_gain` if its effect was a finding."""
     result = results.get((claim.effects[0].effect, claim.effects[0].joint))
     if result is None or claim.outcome != "claimed":
         return claim
@@ -137,25 +141,32 @@ def _zero_notes(findings: tuple[Finding, ...], robot: Robot) -> tuple[Note, ...]
 
 
 def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tuple[Note, ...]:
-    """A note for each joint whose simulated position error exceeds both its noise and the error that "no gap" allows.
+    """A note for each joint whose simulated position error is larger than noise and a residual without a gap explain.
 
-    A position controller yields to an unmodelled torque by the torque divided by its gain. A residual that counts as
-    no gap causes such an error too.
+    Under a position controller, an unmodelled torque causes a position error of the torque divided by the gain kp. So
+    does a residual that is too small to count as a gap.
     """
     rollout = simulated.json or {}
-    after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
-    units = {joint: "m" if linear else "rad" for joint, linear in zip(robot.joint_names, robot.prismatic, strict=True)}
-    gains = {joint: drive.controller for joint, drive in zip(robot.joint_names, robot.actuators, strict=True)}
-    yielded = {gap.joint: gap.allowed / gain.kp for gap in judgement.joints if (gain := gains[gap.joint]) and gain.kp}
-    return tuple(
-        Note(Code.STRAYS_UNDER_CONTROL, joint, {"error": after[joint], "noise": noise[joint], "unit": units[joint]})
-        for joint in after
-        if after[joint] > max(_STRAYS * noise.get(joint, np.inf), yielded.get(joint, 0.0))
-    )
+    errors, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
+    rows = {joint: row for row, joint in enumerate(robot.joint_names)}
+    by_residual: dict[str, float] = {}
+    for gap in judgement.joints:
+        controller = robot.actuators[rows[gap.joint]].controller
+        if controller is not None and controller.kp:
+            by_residual[gap.joint] = gap.allowed / controller.kp
+    out = []
+    for joint, error in errors.items():
+        if error > max(_STRAYS * noise.get(joint, np.inf), by_residual.get(joint, 0.0)):
+            unit = "m" if robot.prismatic[rows[joint]] else "rad"
+            out.append(Note(Code.STRAYS_UNDER_CONTROL, joint, {"error": error, "noise": noise[joint], "unit": unit}))
+    return tuple(out)
 
 
 def _explained_by_damping_gain(finding: Finding, robot: Robot) -> bool:
-    """True if an error of the damping gain, which is not negative, could explain the found viscous friction."""
+    """True if an error of the damping gain could explain the found viscous friction.
+
+    It could if gain and friction together, the true gain, may be zero or positive.
+    """
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
     kd = 0.0 if controller is None else controller.kd
@@ -172,5 +183,5 @@ def _over_damping(finding: Finding, robot: Robot) -> float:
 
 
 def _excess(finding: Finding) -> float:
-    """Relative excess of the torque per command over the modelled one [1]."""
+    """Ratio of the torque constant to the modelled one, minus one."""
     return float(finding.parameters["ratio"].numbers[0]) - 1.0
