@@ -1,4 +1,4 @@
-"""Reads a diagnosis from its ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``), which has no samples."""
+"""Reads a diagnosis from ``diagnosis.json`` (schema ``gap-diagnosis/3`` or ``2``); the file contains no samples."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from phantom_dyn.model.files.plain_file import require_plain_file
 
 FILE = INDEX
 OLDER = ("gap-diagnosis/2",)
-"""Schemas of earlier versions that can be read too."""
+"""Schemas of earlier versions that can also be read."""
 
 
 @dataclass(frozen=True)
 class _Document:
-    """Fields of a diagnosis that its file contains."""
+    """The fields of `Diagnosis` that the file contains, and its schema."""
 
     schema: str
     verdict: str
@@ -65,10 +65,10 @@ class _Document:
 
 
 def read_diagnosis(path: str | Path) -> Diagnosis:
-    """Reads the diagnosis in a file; numbers that were not finite are NaN.
+    """The diagnosis in a file; numbers that were not finite are NaN.
 
-    Samples, names of recordings, notes and the proposed motion are not in the file and remain empty. In files of
-    earlier versions this also applies to the name of the robot.
+    Samples, names of recordings, notes and the proposed motion are empty, because the file does not contain them. Files
+    of earlier versions do not contain the name of the robot either.
 
     Args:
         path: ``diagnosis.json``, or the folder that contains it.
@@ -99,33 +99,47 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
 
 
 def _fields_of(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a file, rearranged into the fields of a diagnosis."""
-    residual = dict(content["unexplained"])
-    residual |= residual.pop("where")
-    dependence = residual.get("dependence")
+    """The fields of `_Document`, from the content of a file."""
+    fields = {key: value for key, value in content.items() if key not in ("frames", "geometry")}
+    # Findings in measured poses are a part of ``geometry``.
+    fields["findings"] = [_finding_fields(one) for one in content["findings"] if not is_of_poses(one)]
+    fields["minor"] = [_finding_fields(one) for one in content["minor"]]
+    fields["unexplained"] = _unexplained_fields(content["unexplained"])
+    fields["geometry"] = geometry_of(content)
+    return fields
+
+
+def _unexplained_fields(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of `Unexplained`: the file nests some of them in ``where``, and ``dependence`` has other keys."""
+    fields = dict(stored)
+    fields |= fields.pop("where")
+    dependence = fields.get("dependence")
     if dependence is not None:
-        curves = [
-            {"middle" if key == "torque" else key: part for key, part in one.items()} for one in dependence["curves"]
-        ]
-        fields = {key: name for name, key in DEPENDENCE_KEYS.items()}
-        residual["dependence"] = {**{fields.get(key, key): part for key, part in dependence.items()}, "curves": curves}
-    own = {key: value for key, value in content.items() if key not in ("frames", "geometry")}
-    return own | {
-        "findings": [_with_words(one) for one in content["findings"] if not is_of_poses(one)],
-        "minor": [_with_words(one) for one in content["minor"]],
-        "unexplained": residual,
-        "geometry": geometry_of(content),
-    }
+        renamed = _renamed(dependence, {key: name for name, key in DEPENDENCE_KEYS.items()})
+        renamed["curves"] = [_renamed(curve, {"torque": "middle"}) for curve in dependence["curves"]]
+        fields["dependence"] = renamed
+    return fields
 
 
-def _with_words(finding: Mapping[str, Any]) -> dict[str, Any]:
-    """A finding whose ``name``, which the file has for effects defined by a user, is replaced by words that show it."""
-    words = None if (name := finding.get("name")) is None else shown_as(str(name))
-    return {key: value for key, value in finding.items() if key != "name"} | {"words": words}
+def _renamed(stored: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    """A mapping with other names for some of its keys."""
+    return {names.get(key, key): value for key, value in stored.items()}
+
+
+def _finding_fields(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of `Finding`. For an effect that a user has defined, the file has a ``name`` in place of ``words``."""
+    fields = {key: value for key, value in stored.items() if key != "name"}
+    name = stored.get("name")
+    fields["words"] = None if name is None else shown_as(str(name))
+    return fields
 
 
 def _diagnosis(found: _Document) -> Diagnosis:
-    """The diagnosis with the content of a file, after a check that values and standard deviations match."""
+    """The diagnosis with the fields of a file.
+
+    Raises:
+        ValueError: If a parameter has not as many standard deviations as values.
+    """
     for finding in (*found.findings, *found.minor):
         for name, value in finding.parameters.items():
             if _length(value.value) != _length(value.std):
