@@ -1,13 +1,15 @@
 """Adds effects to a log: computes the log that a cheaper device would have given for the same motion.
 
-The cheaper device is assumed to follow the recorded motion. So the positions stay the same, and its drives give the
-recorded torque plus the torque of each effect along this motion, with the hidden states of friction, backlash and
-elastic transmissions. Anything else in the recording, such as noise, stays the same. An effect of the drive (torque
-constant, delay, lag) changes the commanded torque, an effect of the encoder changes the readings. Only a drive at its
-limit cannot give the same motion: then the motion is simulated with clipped drives (`replayed`).
+The cheaper device is assumed to follow the recorded motion, so that the positions remain the same:
 
-Effects that depend on the torque of the links use that of the model. Friction follows the sign of the recorded
-velocity, so that on a joint at rest its sign is random.
+- For effects of friction, load or transmission, the drives give the recorded torque and compensate the torque of each
+  effect along the motion, including the internal states of friction, backlash and elastic transmissions.
+- Effects of a drive (torque constant, delay, lag) change the commanded torque, and effects of an encoder the readings.
+- Only a drive at its torque limit cannot give the same motion. Then the motion is simulated with limited torques
+  (`replayed`).
+
+Everything else in the recording, such as noise, remains the same. Effects that depend on the torque of the links use
+the torque of the model. Friction follows the sign of the recorded velocity, so that its sign is random at rest.
 """
 
 from __future__ import annotations
@@ -39,12 +41,12 @@ Values = Mapping[str, tuple[float, ...]]
 
 
 def degradation(robot: Robot, effect: str, joint: str | None, values: Values) -> Cause:
-    """An effect with its joint and parameters, after a check.
+    """An effect with its joint and parameters, which are checked.
 
     Args:
         robot: The robot that was recorded.
         effect: Name of the effect in the catalogue.
-        joint: Joint, two joints joined by ``+``, or None for the whole robot.
+        joint: Name of a joint, two names joined by ``+``, or None for the whole robot.
         values: Values of each parameter by name; several values if the effect takes lists.
 
     Raises:
@@ -71,9 +73,10 @@ def degradation(robot: Robot, effect: str, joint: str | None, values: Values) ->
 
 
 def _require_place(robot: Robot, effect: Effect, joint: str | None) -> None:
-    places = effect.places(robot)
+    """Raise an error if the effect is not possible on the joint; the message lists the possible joints."""
     if effect.can_sit(robot, joint):
         return
+    places = effect.places(robot)
     if places == (None,):
         raise ParameterError(f"{effect.name} is of the whole robot, not of joint '{joint}': leave the joint out.")
     names = ", ".join(place for place in places if place is not None)
@@ -84,6 +87,7 @@ def _require_place(robot: Robot, effect: Effect, joint: str | None) -> None:
 
 
 def _require_bounds(effect: str, parameter: Parameter, given: tuple[float, ...]) -> None:
+    """Raise an error if a value of a parameter is out of bounds."""
     for value in given:
         if not (np.isfinite(value) and parameter.lower <= value <= parameter.upper):
             raise ParameterError(
@@ -94,6 +98,7 @@ def _require_bounds(effect: str, parameter: Parameter, given: tuple[float, ...])
 
 
 def _require_counts(effect: str, values: Values, *, lists: bool) -> None:
+    """Raise an error if a parameter has several values, or if parameters that are lists have different lengths."""
     counts = {name: len(given) for name, given in values.items()}
     if lists:
         if len(set(counts.values())) > 1:
@@ -106,6 +111,7 @@ def _require_counts(effect: str, values: Values, *, lists: bool) -> None:
 
 
 def _listed(effect: str, parameters: tuple[Parameter, ...]) -> str:
+    """A sentence that lists the parameters of an effect, with their bounds."""
     return f"the parameters of {effect} are {', '.join(_words(parameter) for parameter in parameters)}."
 
 
@@ -125,7 +131,7 @@ _MOST = 1e100
 
 # Bandwidth of the critically damped position controller if robot.yaml states none [rad/s].
 _BANDWIDTH = 2.0 * np.pi * 4.0
-# Longest step [s] of the midpoint rule: at 10 Hz its phase is right to 0.2 %.
+# Longest step [s] of the midpoint rule: for a motion of 10 Hz the error of its phase is at most 0.2 %.
 _LONGEST_STEP = 2e-3
 
 
@@ -144,13 +150,13 @@ class Degraded:
 
 @dataclass(frozen=True)
 class _Change:
-    """Changes of the recording at the samples of a uniform grid, shape ``(N, nv)`` each.
+    """What is added to quantities of the recording, at the samples of a uniform grid, ``(N, nv)`` each.
 
     Attributes:
-        tau: Commanded drive torque.
-        q: True positions at the encoders.
-        v: True velocities at the encoders.
-        x: True positions of the links.
+        tau: Change of the commanded drive torque.
+        q: Change of the true positions at the encoders.
+        v: Change of the true velocities at the encoders.
+        x: Change of the true positions of the links.
     """
 
     tau: Array
@@ -166,10 +172,11 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Caus
         robot: The model of the recorded robot.
         table: Columns of the recording.
         recording: The recording that was made from ``table``.
-        faults: Effects. Those of torques act first, then those of drives in the given order, then those of encoders.
+        faults: Effects. Those of torques are applied first, then those of drives in the given order, then those of
+            encoders.
 
     Raises:
-        ParameterError: If an effect cannot be seen in any such log, or its parameters give no finite torque.
+        ParameterError: If an effect cannot be seen in any log of this robot, or its parameters give no finite torque.
         LogError: If the recording is too short, or has no torque of a joint whose torque changes.
     """
     laws = tuple(fault.effect.simulated(robot, fault.joint, fault.theta) for fault in faults)
@@ -178,12 +185,8 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Caus
     (log,), _ = process_all((recording,), robot)
     for fault in faults:
         _require_time(robot, log, fault)
-    change, notes = _motion_kept(robot, log, faults, laws)
-    limits = np.full(robot.nv, np.inf)
-    for fault, law in zip(faults, laws, strict=True):
-        if law.limit is not None:
-            row = row_of(robot, fault.joint)
-            limits[row] = min(limits[row], law.limit)
+    change, notes = _change_along_motion(robot, log, faults, laws)
+    limits = _torque_limits(robot, faults, laws)
     columns, replay_notes = dict(table.columns), ()
     if np.isfinite(limits).any():
         change, replay_notes = _limited(robot, log, change, limits, columns)
@@ -192,6 +195,16 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Caus
     notes += replay_notes + _write_torque(robot, table, columns, _at_rows(robot, log, table, change.tau, held=True))
     _write_motion(robot, log, table, columns, change, [law for law in laws if law.reading is not None])
     return Degraded(columns, notes)
+
+
+def _torque_limits(robot: Robot, faults: tuple[Cause, ...], laws: tuple[Simulated, ...]) -> Float[Array, " nv"]:
+    """Smallest torque limit of each joint among the effects; infinite without a limit."""
+    limits = np.full(robot.nv, np.inf)
+    for fault, law in zip(faults, laws, strict=True):
+        if law.limit is not None:
+            row = row_of(robot, fault.joint)
+            limits[row] = min(limits[row], law.limit)
+    return limits
 
 
 def _require_trace(robot: Robot, fault: Cause, law: Simulated) -> None:
@@ -207,7 +220,7 @@ def _require_trace(robot: Robot, fault: Cause, law: Simulated) -> None:
 
 
 def _require_time(robot: Robot, log: Log, fault: Cause) -> None:
-    """Raise an error for a delay that is longer than the recording."""
+    """Raise an error for a time, such as a delay, that is not shorter than the recording."""
     length = float(log.motion.t[-1] - log.motion.t[0])
     for parameter, value in zip(fault.effect.parameters(robot, fault.joint), fault.theta, strict=False):
         if parameter.unit == "s" and value >= length:
@@ -217,57 +230,64 @@ def _require_time(robot: Robot, log: Log, fault: Cause) -> None:
             )
 
 
-def _motion_kept(
+def _change_along_motion(
     robot: Robot, log: Log, faults: tuple[Cause, ...], laws: tuple[Simulated, ...]
 ) -> tuple[_Change, tuple[str, ...]]:
-    """Additional torque for the recorded motion with the effects, additional link positions, and notes."""
-    still = np.zeros_like(log.tau)
-    model, tau, x = Operation.of(robot, log.motion, log.tau, log.temperature), still.copy(), still.copy()
+    """Changes of torque and link positions for the recorded motion, and notes on effects that no diagnosis can find."""
+    zero = np.zeros_like(log.tau)
+    given, tau, x = Operation.of(robot, log.motion, log.tau, log.temperature), zero.copy(), zero.copy()
     notes = []
     pairs = list(zip(faults, laws, strict=True))
+    # An effect returns the torque that it adds on the joints. For the same motion the drives have to compensate it.
     for fault, law in pairs:
-        why = fault.effect.untestable(robot, model, fault.joint)
+        why = fault.effect.untestable(robot, given, fault.joint)
         if why is not None:
             notes.append(f"a diagnosis will not see {fault.effect.name} in this log: {why}")
         if law.command is None and law.reading is None:
-            now = replace(model, tau=model.tau + tau, expected=model.tau + tau, logged=log.tau + tau)
-            tau = tau - fault.effect.torque(robot, now, fault.joint, fault.theta)
-            ahead = fault.effect.link_ahead(now, fault.joint, fault.theta)
+            changed = replace(given, tau=given.tau + tau, expected=given.tau + tau, logged=log.tau + tau)
+            tau = tau - fault.effect.torque(robot, changed, fault.joint, fault.theta)
+            ahead = fault.effect.link_ahead(changed, fault.joint, fault.theta)
             x = x if ahead is None else x + ahead
-    # The commanded torque follows by inverting the effects of the drive, the last one first.
+    # The command is computed from the torque of the drive backwards, through the effects of the drive, the last first.
     for fault, law in reversed(pairs):
         if law.command is not None and law.limit is None:
-            asked = smoothed(log.tau + tau, log.band.rate_hz, motion_edge(log.band))
-            now = replace(model, tau=asked, expected=asked, logged=asked)
-            tau = tau - fault.effect.torque(robot, now, fault.joint, fault.theta)
-    return _Change(tau, still, still, x), tuple(notes)
+            needed = smoothed(log.tau + tau, log.band.rate_hz, motion_edge(log.band))
+            changed = replace(given, tau=needed, expected=needed, logged=needed)
+            tau = tau - fault.effect.torque(robot, changed, fault.joint, fault.theta)
+    return _Change(tau, zero, zero, x), tuple(notes)
 
 
 def _limited(
     robot: Robot, log: Log, change: _Change, limits: Array, columns: dict[str, Array]
 ) -> tuple[_Change, tuple[str, ...]]:
-    """Changes if the motion is simulated with clipped drives, and notes; columns of passive joints are left out."""
-    asked = smoothed(log.tau + change.tau, log.band.rate_hz, motion_edge(log.band))
-    if not (np.abs(asked) > limits).any():
+    """Changes if the motion is simulated with limited drive torques, and notes.
+
+    Columns of passive joints are deleted from ``columns``, because the simulated motion moves these joints, too.
+    """
+    needed = smoothed(log.tau + change.tau, log.band.rate_hz, motion_edge(log.band))
+    if not (np.abs(needed) > limits).any():
         return change, ("the recorded motion never needs more torque than the limit: nothing is clipped",)
-    q, v, tau = replayed(robot, log.motion, asked, limits)
-    moved = q - log.motion.q
+    q, v, tau = replayed(robot, log.motion, needed, limits)
+    error = q - log.motion.q
     passive = [name for name in columns if name.partition(".")[2] in robot.passive_names]
     for name in passive:
         del columns[name]
     notes = (f"{', '.join(passive)} left out: clipped drives move the passive joints too",) if passive else ()
-    astray, width = np.abs(moved).max(axis=0), np.ptp(log.motion.q, axis=0)
-    for k in np.flatnonzero(astray > 0.5 * width):
+    largest_error, span = np.abs(error).max(axis=0), np.ptp(log.motion.q, axis=0)
+    for k in np.flatnonzero(largest_error > 0.5 * span):
         joint, unit = robot.joint_names[k], robot.position_units[k]
         notes += (
-            f"with these limits {joint} strays {astray[k]:.3g} {unit} from a motion that spans {width[k]:.3g} {unit}: "
-            "give higher ones if it is to be followed",
+            f"with these limits {joint} strays {largest_error[k]:.3g} {unit} from a motion that spans "
+            f"{span[k]:.3g} {unit}: give higher ones if it is to be followed",
         )
-    return _Change(change.tau + tau - asked, moved, v - log.motion.v, change.x + moved), notes
+    return _Change(change.tau + tau - needed, error, v - log.motion.v, change.x + error), notes
 
 
 def _at_rows(robot: Robot, log: Log, table: Table, values: Array, *, held: bool = False) -> Array:
-    """Values of the uniform grid at the rows of the recording; a held torque is the mean until the next sample."""
+    """Values of the uniform grid at the times of the recording's rows.
+
+    A torque that the robot holds from one sample to the next (``held``) is the mean of its values at both samples.
+    """
     if held and robot.torque_hold == "zoh":
         values = 0.5 * (values + np.vstack([values[1:], values[-1:]]))
     t = table.columns["t"]
@@ -275,7 +295,7 @@ def _at_rows(robot: Robot, log: Log, table: Table, values: Array, *, held: bool 
 
 
 def _write_torque(robot: Robot, table: Table, columns: dict[str, Array], change: Array) -> tuple[str, ...]:
-    """Change torque, current and voltage of every joint; a column that cannot be changed is left out, with a note."""
+    """Change the columns of torque, current and voltage; a column that cannot be computed is deleted, with a note."""
     notes = []
     for joint, actuator, more in zip(robot.joint_names, robot.actuators, change.T, strict=True):
         names = [f"{quantity}.{joint}" for quantity in ("tau", "i", "u") if f"{quantity}.{joint}" in columns]
@@ -302,31 +322,30 @@ def _write_torque(robot: Robot, table: Table, columns: dict[str, Array], change:
 def _write_motion(
     robot: Robot, log: Log, table: Table, columns: dict[str, Array], change: _Change, laws: list[Simulated]
 ) -> None:
-    """Change the positions to those that would be read, and velocities and link positions accordingly."""
+    """Change the columns of positions to those that encoders would read, and velocities and link positions likewise."""
     true = np.column_stack([table.columns[f"q.{joint}"] for joint in robot.joint_names])
     true = true + _at_rows(robot, log, table, change.q)
     read = true
     for law in laws:
         if law.reading is not None:
             read = law.reading(read)
-    faster = _at_rows(robot, log, table, change.v) + np.gradient(read - true, table.columns["t"], axis=0)
-    farther = _at_rows(robot, log, table, change.x)
+    change_of_v = _at_rows(robot, log, table, change.v) + np.gradient(read - true, table.columns["t"], axis=0)
+    change_of_x = _at_rows(robot, log, table, change.x)
     for k, joint in enumerate(robot.joint_names):
         columns[f"q.{joint}"] = read[:, k]
-        for quantity, more in (("v", faster), ("x", farther)):
-            name = f"{quantity}.{joint}"
+        for name, own in ((f"v.{joint}", change_of_v), (f"x.{joint}", change_of_x)):
             if name in columns:
-                columns[name] = columns[name] + more[:, k]
+                columns[name] = columns[name] + own[:, k]
 
 
 def replayed(
     robot: Robot, motion: Motion, needed: Float[Array, "N nv"], limits: Float[Array, " nv"]
 ) -> tuple[Float[Array, "N nv"], Float[Array, "N nv"], Float[Array, "N nv"]]:
-    """Simulated positions, velocities and commanded torques if the drives' torques are limited.
+    """Simulated positions, velocities and commanded torques if the drive torques are limited.
 
-    The controller commands the torque that the recorded motion needs, plus feedback of the error from that motion, with
-    the gains of ``robot.yaml``, or with 4 Hz and critical damping. The part of the recorded torque that the model does
-    not explain acts on the robot at the same times as in the recording.
+    The controller commands the torque that the recorded motion needs, plus feedback of the error from this motion. Its
+    gains are those of ``robot.yaml``, or those for a bandwidth of 4 Hz with critical damping. The part of the recorded
+    torque that the model does not explain acts on the robot at the same times as in the recording.
 
     Args:
         robot: The model.
@@ -342,14 +361,16 @@ def replayed(
     start, step, last = float(motion.t[0]), float(np.mean(np.diff(motion.t))), len(motion.t) - 2
 
     def at(t: float, *tables: Array) -> list[Array]:
+        """Rows of tables at a time, by linear interpolation."""
         place = (t - start) / step
         k = min(max(int(place), 0), last)
         share = place - k
         return [(1.0 - share) * table[k] + share * table[k + 1] for table in tables]
 
     def controller(t: float, q: Array, v: Array) -> Array:
-        wanted, extra, q_ref, v_ref, stiff, damped = at(t, needed, unmodelled, motion.q, motion.v, kp, kd)
-        return np.clip(wanted + stiff * (q_ref - q) + damped * (v_ref - v), -limits, limits) - extra
+        feedforward, extra, q_ref, v_ref, kp_now, kd_now = at(t, needed, unmodelled, motion.q, motion.v, kp, kd)
+        command = feedforward + kp_now * (q_ref - q) + kd_now * (v_ref - v)
+        return np.clip(command, -limits, limits) - extra
 
     instant = replace(robot, torque_hold="instant", torque_source="command")
     try:
@@ -359,12 +380,12 @@ def replayed(
         raise ParameterError(
             f"With torque limits of {sizes} the robot does not follow the recorded motion at all: give higher ones."
         ) from error
-    asked = needed + kp * (motion.q - moved.q) + kd * (motion.v - moved.v)
-    return moved.q, moved.v, asked
+    commanded = needed + kp * (motion.q - moved.q) + kd * (motion.v - moved.v)
+    return moved.q, moved.v, commanded
 
 
 def _gains(robot: Robot, motion: Motion) -> tuple[Float[Array, "N nv"], Float[Array, "N nv"]]:
-    """Gains of the position controllers at every sample."""
+    """Gains ``kp`` and ``kd`` of the position controllers at every sample."""
     inertia = np.einsum("njj->nj", mass_matrix(robot, motion.q))
     kp, kd = _BANDWIDTH**2 * inertia, 2.0 * _BANDWIDTH * inertia
     for k, actuator in enumerate(robot.actuators):
