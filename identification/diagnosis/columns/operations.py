@@ -1,8 +1,8 @@
-"""Motion and modelled torque of each recording, from which effects compute their columns.
+"""Motion and modelled torque of each recording (`Operation`), from which effects compute their columns.
 
-The torque of some effects depends on the model: a late drive delays the torque that the robot needs, and a tilted base
-changes the direction of gravity on its masses. Errors of the model would make the sizes of these effects wrong. So the
-torque can also be computed from the model adjusted within its tolerances.
+The torque of some effects depends on the torque of the model: a late drive delays the torque that the robot needs, and
+a tilted base changes the direction of gravity on the masses. So errors of the model would change the found sizes of
+these effects. To avoid this, operations can also be computed from the model adjusted within its tolerances.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Parameters decrease by at most this share, whatever tolerance a file states.
+# A parameter decreases by at most this share, even if its stated tolerance is larger.
 _LEAST = -0.9
 # Step of the load for the derivative of a law, as a share of the load.
 _LOAD_STEP = 1e-4
@@ -41,13 +41,13 @@ def operate(
     Args:
         robot: The given model.
         log: Motion and measured torque.
-        known: Effects that belong to the model already.
+        known: Effects that are already in the model.
         recording: Index of the log among several.
-        band_hz: Edge of the judged band [Hz].
+        band_hz: Cutoff of the judged band [Hz].
     """
     motion = motion_of(log)
     tau = inverse_dynamics(robot, motion)
-    # The drive need not give the torque of a known external force.
+    # A known external force gives a part of the needed torque, so that the drive need not give it.
     tau = tau if log.external is None else tau - log.external
     state = (motion.t, motion.q, motion.v, motion.a)
     more = {"temperature": log.temperature, "references": log.references, "base": motion.base}
@@ -56,21 +56,21 @@ def operate(
 
 
 def motion_of(log: Log) -> Motion:
-    """Motion of a log, with zero velocity and acceleration for joints that stand still all the time.
+    """Motion of a log, in which joints that stand still all the time have zero velocity and acceleration.
 
-    Otherwise the modelled friction of such a joint would follow the sign of noise, and its noisy acceleration would
-    change the modelled torques of other joints.
+    Otherwise the modelled friction of such a joint would follow the sign of noise in its velocity, and noise in its
+    acceleration would change the modelled torques of other joints.
     """
     moves = ~standing_still(log).all(axis=0)
     return log.motion.with_joints(log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
 
 def carrying_known(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
-    """The robot whose last link carries the payloads of earlier diagnoses; a new payload may then be negative.
+    """The robot with the payloads of earlier diagnoses on its last link, which a new negative payload may remove.
 
     Args:
         robot: The given model.
-        known: Effects that belong to the model already.
+        known: Effects that are already in the model.
     """
     return carrying(robot, [np.array(one.theta) for one in known if one.effect == "payload"])
 
@@ -79,8 +79,8 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     """The operation with the torque of known effects added to that of the given model.
 
     Each effect is computed from the torque on which it acts, as in the fit that found it: friction under load from the
-    transmitted torque, a late drive from the commanded torque, a torque constant from all of these torques. A mass acts
-    at the true positions of the links, and in the true gravity.
+    transmitted torque, a late drive from the commanded torque, and a torque constant from all torques together. Masses
+    are computed at the true positions of the links, and with the true gravity.
 
     Args:
         robot: The given model.
@@ -88,7 +88,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
         known: The effects.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
-    # Robot in the true gravity, and true motion of its links.
+    # Robot with the true direction of gravity, and true motion of its links.
     true_robot, motion = robot, operation.at(slice(None))
     for effect, one in effects:
         true_robot, motion = effect.true_motion(true_robot, motion, one.joint, np.array(one.theta))
@@ -99,20 +99,21 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
         tau = tau + inverse_dynamics(true_robot, motion) - inverse_dynamics(robot, operation)
         effects = [pair for pair in effects if not pair[0].displaces]
     for stage in range(4):
+        # Effects of one stage do not depend on each other, so they are computed from the same torques.
         staged = replace(operation, tau=tau if stage == 3 else operation.tau, expected=tau, found_load=found_load)
+        truly_moving = replace(staged, robot=true_robot, q=motion.q, v=motion.v, a=motion.a)
         for effect, one in effects:
-            if _stage_of(effect) == stage:
-                # The drive gives the torque that the model needs, minus the torque of the effect.
-                if effect.inertial is not None and displacing:
-                    truly = replace(staged, robot=true_robot, q=motion.q, v=motion.v, a=motion.a)
-                    torque = effect.torque(true_robot, truly, one.joint, np.array(one.theta))
-                else:
-                    torque = effect.torque(robot, staged, one.joint, np.array(one.theta))
-                tau = tau - torque
-                if effect.on_link:
-                    found_load = found_load - torque
-                else:
-                    in_drive = in_drive - torque
+            if _stage_of(effect) != stage:
+                continue
+            at_true_positions = effect.inertial is not None and bool(displacing)
+            on_robot, at = (true_robot, truly_moving) if at_true_positions else (robot, staged)
+            torque = effect.torque(on_robot, at, one.joint, np.array(one.theta))
+            # The drive gives the torque that the model needs, minus the torque of the effect.
+            tau = tau - torque
+            if effect.on_link:
+                found_load = found_load - torque
+            else:
+                in_drive = in_drive - torque
     per_load = _per_load(robot, operation, found_load, effects)
     return replace(operation, tau=tau, expected=tau, found_load=None, per_load=per_load, known_in_drive=in_drive)
 
@@ -123,10 +124,11 @@ def _per_load(
     found_load: Float[Array, "N nv"],
     effects: list[tuple[Effect, KnownEffect]],
 ) -> Float[Array, "N nv"] | None:
-    """Derivative of the drive torque with respect to the torque on the link; None without effects that depend on load.
+    """Derivative of the drive torque with respect to the load on the link; None without effects that depend on load.
 
-    If a later fit finds another load, the torque of known effects that depend on load changes by this derivative times
-    the change of load. At a load of zero, where laws have a kink, the derivative of the law is taken as zero.
+    If a later fit finds another load, the torque of the drive changes by this derivative times the change of load. It
+    is one without known effects. At a load of zero, where laws have a kink, the central difference gives a slope of
+    zero for the law.
 
     Args:
         robot: The given model.
@@ -134,43 +136,51 @@ def _per_load(
         found_load: Torque of the known effects on the links.
         effects: Known effects.
     """
-    following = [(effect, one) for effect, one in effects if effect.follows_load and not effect.on_link]
-    if not following:
+    depending = [(effect, one) for effect, one in effects if effect.follows_load and not effect.on_link]
+    if not depending:
         return None
     load = replace(operation, found_load=found_load).load
     step = _LOAD_STEP * np.sqrt(np.mean(load**2, axis=0)) + 1e-12
     out = np.ones_like(load)
-    above, below = (replace(operation, found_load=found_load + side * step) for side in (1.0, -1.0))
-    for effect, one in following:
-        more, less = (effect.torque(robot, at, one.joint, np.array(one.theta)) for at in (above, below))
-        out -= (more - less) / (2.0 * step)
+    above, below = replace(operation, found_load=found_load + step), replace(operation, found_load=found_load - step)
+    for effect, one in depending:
+        theta = np.array(one.theta)
+        change = effect.torque(robot, above, one.joint, theta) - effect.torque(robot, below, one.joint, theta)
+        out -= change / (2.0 * step)
     return out
 
 
 def _stage_of(effect: Rival) -> int:
     """Stage, 0 to 3, in which the torque of an effect is computed: after all torques on which the effect depends."""
-    return 3 if effect.scales_joint else 2 if effect.follows_torque else 1 if effect.follows_load else 0
+    if effect.scales_joint:
+        return 3
+    if effect.follows_torque:
+        return 2
+    return 1 if effect.follows_load else 0
 
 
 def expecting(operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
-    """The operation with the expected torque: that of the given model and of the effects of the last fit."""
-    plain = operation.after_fit(operation.tau)
+    """The operation whose expected torque is that of the given model plus that of the effects of the last fit.
+
+    Effects that are computed from the expected torque (late drives, torque constants) are not included.
+    """
+    without_fit = operation.after_fit(operation.tau)
     found_load = np.zeros_like(operation.tau)
-    for point in found:
-        if point.effect.on_link:
-            found_load += _torque_of(plain, point)
-    plain, expected = plain.after_fit(operation.tau, found_load=found_load), operation.tau
-    for point in found:
-        if not (point.effect.follows_torque or point.effect.scales_joint):
-            expected = expected + _torque_of(plain, point)
-    return plain.after_fit(expected)
+    for one in found:
+        if one.effect.on_link:
+            found_load += _torque_of(without_fit, one)
+    with_load, expected = without_fit.after_fit(operation.tau, found_load=found_load), operation.tau
+    for one in found:
+        if not (one.effect.follows_torque or one.effect.scales_joint):
+            expected = expected + _torque_of(with_load, one)
+    return with_load.after_fit(expected)
 
 
-def _torque_of(operation: Operation, point: FoundEffect) -> Float[Array, "N nv"]:
+def _torque_of(operation: Operation, found: FoundEffect) -> Float[Array, "N nv"]:
     """Drive torque of an effect of the last fit."""
-    signature = point.effect.signature(operation.robot, operation, point.joint, point.shape)
+    signature = found.effect.signature(operation.robot, operation, found.joint, found.shape)
     out = np.zeros_like(operation.tau)
-    out[:, list(signature.rows)] = signature.columns @ point.coefficients
+    out[:, list(signature.rows)] = signature.columns @ found.coefficients
     return out
 
 
@@ -182,16 +192,16 @@ def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]
         motion: Recorded motion.
         found: Effects that displace links or turn gravity.
     """
-    for point in found:
-        assert isinstance(point.effect, Effect)
-        theta = point.effect.from_coefficients(robot, point.joint, point.coefficients, point.shape)
-        robot, motion = point.effect.true_motion(robot, motion, point.joint, theta)
+    for one in found:
+        assert isinstance(one.effect, Effect)
+        theta = one.effect.from_coefficients(robot, one.joint, one.coefficients, one.shape)
+        robot, motion = one.effect.true_motion(robot, motion, one.joint, theta)
     return robot, motion
 
 
 def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
-    """Friction torque of the model and of the last fit's friction effects, as part of the drive torque."""
-    return sum((_torque_of(operation, point) for point in found if point.effect.rubs), operation.own_friction)
+    """The part of the drive torque for friction: that of the model and of the last fit's effects of friction."""
+    return sum((_torque_of(operation, one) for one in found if one.effect.rubs), operation.own_friction)
 
 
 def adjusted_robot(robot: Robot, changes: Float[Array, " n"], given: Robot | None = None) -> Robot:
@@ -199,8 +209,8 @@ def adjusted_robot(robot: Robot, changes: Float[Array, " n"], given: Robot | Non
 
     Args:
         robot: The given model, or the given model with a known load.
-        changes: Change of each of the `tolerance_parameters`.
-        given: The given model, if ``robot`` carries a load; None: ``robot`` is the given model.
+        changes: Change of each of the `tolerance_parameters`, ``(n,)``.
+        given: The given model without a load, which states the tolerances; None: ``robot`` is the given model.
     """
     change = np.zeros_like(standard_parameters(robot))
     out = robot
@@ -224,5 +234,5 @@ def moved_operation(operation: Operation, robot: Robot) -> Operation:
         operation: Motion and torque of the given model.
         robot: The other model.
     """
-    more = inverse_dynamics(robot, operation) - inverse_dynamics(operation.robot, operation)
-    return replace(operation, robot=robot, tau=operation.tau + more, expected=operation.expected + more)
+    difference = inverse_dynamics(robot, operation) - inverse_dynamics(operation.robot, operation)
+    return replace(operation, robot=robot, tau=operation.tau + difference, expected=operation.expected + difference)
