@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 
 from identification.data.changes import Change
+from identification.data.checks.readings.stated_payloads import with_payloads_checked
 from identification.data.recording import Recording
 from identification.data.refusal import require_right
 from identification.data.stretches import is_long, note_on_length, stretches
@@ -77,6 +78,7 @@ def prepared(
         LogError: If a recording cannot be used, or has a definite fault that the user did not choose to ignore.
     """
     started = time.perf_counter()
+    recordings = with_payloads_checked(robot, recordings, changes)
     require_right(recordings)
     robot = without_unread_drives(with_known_places(robot, known), recordings)
     tracked = corrected_recordings(robot, recordings, known)

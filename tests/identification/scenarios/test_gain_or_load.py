@@ -285,6 +285,28 @@ def test_a_known_payload_where_the_file_says_is_no_gap(tmp_path, config, frame):
     assert together(robot, logs, changes).verdict == "no_gap"
 
 
+@pytest.mark.parametrize(
+    ("entry", "mend"),
+    [
+        ("mass: 0.4, center: [-0.3, 0, 0.05]", r"write center: \[0.05, 0, -0.3\], if the axes are so"),
+        ("mass: 0.882, center: [0.05, 0, -0.3]", r"write mass: 0.4, if it is in pounds"),
+        ("mass: 3, center: [0.3, 0, 0.5]", r"correct its mass \[kg\] and centre \[m\]"),
+    ],
+)
+def test_a_stated_payload_that_the_torques_contradict_is_refused(tmp_path, entry, mend):
+    # Oracle: the given model explains bare.csv; in held.csv it holds a ball of 0.4 kg at (0.05, 0, -0.3) m.
+    robot = loaded(tmp_path, TROLLEY)
+    ball = (0.4, (0.05, 0.0, -0.3), "swing")
+    logs = (
+        written(tmp_path, "bare.csv", robot, moving(2, 1)),
+        written(tmp_path, "held.csv", robot, moving(2, 2), ball=ball, seed=1),
+    )
+    changes = tmp_path / "recordings.yaml"
+    changes.write_text(f"recordings:\n  - {{file: held.csv, payload: {{{entry}}}}}\n")
+    with pytest.raises(LogError, match=r"held\.csv: its payload is not the stated one of .*" + mend):
+        together(robot, logs, changes)
+
+
 @pytest.mark.whole
 def test_the_centre_that_a_finding_prints_is_no_gap_in_the_next_diagnosis(tmp_path):
     robot = loaded(tmp_path, TROLLEY)
