@@ -51,6 +51,7 @@ class Code(Enum):
     PERHAPS_VOLTS = auto()
     CENTER_TO_WRITE = auto()
     ONE_SIDED = auto()
+    SUMS = auto()
     MODEL_IN_COMMON = auto()
     ZEROS_COMPARED = auto()
     NO_EXPERIMENT = auto()

@@ -23,6 +23,8 @@ CHANGES = {
 """Measurements that separate effects with the same torque in every motion, by `EffectWords.separated_by`."""
 _MOST_PAIRS = 3
 """Largest number of causes that a sentence lists with their rivals; of more causes, only the first one is listed."""
+_SUMS = 3
+"""Largest number of sums of inertial parameters that a sentence lists."""
 
 
 def pairs_words(pairs: Sequence[RivalPair]) -> str:
@@ -163,6 +165,15 @@ def _one_sided(note: Note) -> str:
     )
 
 
+def _sums(note: Note) -> str:
+    sums = [f"{one.split(' ', 1)[0]} for {one}" for one in note.numbers["sums"]]
+    where = f" of {note.joint}" if note.joint else ""
+    return (
+        f"The motion shows some inertial parameters{where} only in sums with others. So a number stands for its sum, "
+        f"and may be one that no body has alone: {'; '.join(sums[:_SUMS])}{', and so on' if len(sums) > _SUMS else ''}."
+    )
+
+
 FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.IMPLAUSIBLE_SIZE: _implausible_size,
     Code.FRICTION_DRIVES: filled(
@@ -175,6 +186,7 @@ FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.PERHAPS_VOLTS: _perhaps_volts,
     Code.CENTER_TO_WRITE: _center_to_write,
     Code.ONE_SIDED: _one_sided,
+    Code.SUMS: _sums,
     Code.MODEL_IN_COMMON: _model_in_common,
     Code.ZEROS_COMPARED: _zeros_compared,
     Code.NO_EXPERIMENT: _no_experiment,

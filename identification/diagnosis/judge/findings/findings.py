@@ -36,7 +36,12 @@ from identification.diagnosis.judge.findings.imitation import (
     with_limit,
 )
 from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
-from identification.diagnosis.judge.findings.parameters import base_parameters, finding_loadings, finding_parameters
+from identification.diagnosis.judge.findings.parameters import (
+    base_parameters,
+    finding_loadings,
+    finding_parameters,
+    sum_notes,
+)
 from identification.diagnosis.judge.findings.possible_load import possible_load_notes
 from identification.diagnosis.judge.findings.shown_numbers import (
     widened_by_rivals,
@@ -73,6 +78,7 @@ def size_remarks(shown: Shown) -> tuple[Said, ...]:
         effect, own = term.effect, shown.full_fit.coefficients(term)
         assert isinstance(effect, Effect)
         if effect.inertial == "free":
+            out += sum_notes(robot, term)
             out += missing_part_notes(shown.problem, term, own)
             out += possible_load_notes(robot, term, own, shown.full_fit.presence_covariance(term))
         elif said := effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape)):

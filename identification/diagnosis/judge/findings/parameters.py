@@ -8,7 +8,8 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.full_fit import FullFit
 from identification.diagnosis.result import Value
 from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
-from identification.regression.base_parameters import base_parameters_of_matrix
+from identification.notes import Code, Note
+from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.dynamics.moving_base import any_base_motion
@@ -103,22 +104,36 @@ def _values_by_name(
 def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Float[Array, "r k"]]:
     """Base parameters of bodies with free inertial parameters, and the matrix that maps all parameters to them.
 
-    They are found from the regressor at random motions.
+    Args:
+        robot: The given model.
+        term: A finding of free inertial parameters.
+    """
+    base, parameters = _reduced(robot, term)
+    mix = np.zeros((base.rank, len(parameters)))
+    mix[np.arange(base.rank), list(base.independent)] = 1.0
+    mix[:, list(base.dependent)] = base.grouping
+    return tuple(parameters[k] for k in base.independent), mix
+
+
+def sum_notes(robot: Robot, term: Term) -> tuple[Note, ...]:
+    """A note on the sums that base parameters stand for; none if each is a parameter of its own.
 
     Args:
         robot: The given model.
         term: A finding of free inertial parameters.
     """
+    sums = tuple(equation.split(" = ", 1)[1] for equation in _reduced(robot, term)[0].regroupings())
+    return (Note(Code.SUMS, term.joint, {"sums": sums}),) if sums else ()
+
+
+def _reduced(robot: Robot, term: Term) -> tuple[BaseParameters, tuple[Parameter, ...]]:
+    """Base parameters of bodies with free inertial parameters, from the regressor at random motions; all parameters."""
     effect = term.effect
     assert isinstance(effect, Effect)
     parameters = effect.parameters(robot, term.joint)
     columns = list(effect.regressor_columns(robot, term.joint))
     w = _at_random(robot)[:, :, columns].reshape(-1, len(columns))
-    base = base_parameters_of_matrix(w, [p.name for p in parameters], [p.unit for p in parameters])
-    mix = np.zeros((base.rank, len(columns)))
-    mix[np.arange(base.rank), list(base.independent)] = 1.0
-    mix[:, list(base.dependent)] = base.grouping
-    return tuple(parameters[k] for k in base.independent), mix
+    return base_parameters_of_matrix(w, [p.name for p in parameters], [p.unit for p in parameters]), parameters
 
 
 def _at_random(robot: Robot) -> Float[Array, "N nv p"]:

@@ -23,7 +23,12 @@ from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_shares,
     payload_term,
 )
-from identification.diagnosis.judge.findings.parameters import _values_by_name, finding_loadings, finding_parameters
+from identification.diagnosis.judge.findings.parameters import (
+    _values_by_name,
+    finding_loadings,
+    finding_parameters,
+    sum_notes,
+)
 from identification.diagnosis.judge.findings.shown_numbers import widened_by_rivals
 from identification.diagnosis.judge.judged_band import plain_search
 from identification.diagnosis.search.rival_sets import RivalComparison
@@ -371,3 +376,10 @@ def test_a_rival_that_has_not_the_effect_says_nothing_of_its_size(rubbing):
     coulomb, both, shown = rubbing
     shown = replace(shown, comparisons={coulomb: RivalComparison(0.7, (), rival_sets=((both - {coulomb}, 0.3),))})
     np.testing.assert_array_equal(widened_by_rivals(shown.full_fit, shown).cov, shown.full_fit.cov)
+
+
+def test_a_note_gives_the_sums_that_base_parameters_stand_for(loaded, planar2):
+    # Oracle: closed form. What hangs at the end of the upper link, 0.5 m from its joint, adds to its inertia.
+    (note,) = sum_notes(planar2, loaded.term("inertial_parameters", None))
+    assert note.numbers["sums"] == ("shoulder.mz - 0.5 elbow.m", "shoulder.Iyy + 0.25 elbow.m")
+    assert sum_notes(planar2, loaded.term("inertial_parameters", "elbow")) == ()
