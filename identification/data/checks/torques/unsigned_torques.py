@@ -13,6 +13,10 @@ from phantom_dyn.errors import listed
 # The model needs torques of both signs if the modelled torque exceeds the first share of its root mean square, in each
 # direction, for more than the second share of the time.
 _STRONG, _STRONG_SHARE = 0.3, 0.1
+# Share of the time in which a torque with the sign of the velocity may be against it, as both pass zero.
+_NEVER = 0.01
+# Magnitude from which on a filtered sign of the velocity is that of all samples in the filter.
+_SURE = 0.9
 # A torque is fitted as a magnitude and as a signed torque. It is certainly a magnitude if the unexplained share as a
 # magnitude is below the first number, and below the second number times the unexplained share as a signed torque. It is
 # probably a magnitude if the ratio of these shares is below the third number.
@@ -22,7 +26,7 @@ _ROUNDS = 10
 
 
 def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, "N nv"]) -> Fault | None:
-    """The fault of torques that are magnitudes: never negative, and equal to the modelled torque without its sign.
+    """The fault of torques that are magnitudes, with no sign or that of the velocity.
 
     Args:
         recording: Raw samples.
@@ -32,25 +36,29 @@ def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, 
     if recording.tau is None:
         return None
     found = []
-    for j in np.flatnonzero(_one_sign(recording, reading, needed) & varies(reading.tau)):
+    never_negative = _one_sign(recording, reading, needed)
+    for j in np.flatnonzero((never_negative | _along_velocity(reading, needed)) & varies(reading.tau)):
+        sign = np.ones(len(needed)) if never_negative[j] else reading.sign[:, j]
+        rows = np.abs(sign) > _SURE  # elsewhere the filter has mixed torques of both signs
         columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(len(needed))])
-        tau = np.abs(reading.tau[:, j])
-        signed = _mean_square(columns, tau)
-        # The unknown signs are those of the fit, which needs the signs itself: so both are found in turn.
-        x = np.linalg.lstsq(columns, tau * np.sign(needed[:, j]), rcond=1e-9)[0]
+        columns, tau, sign = columns[rows], reading.tau[rows, j], np.sign(sign[rows])
+        x = np.array([1.0, 0.0, 0.0, 0.0])  # the model alone gives the first signs, and each fit those of the next
         for _ in range(_ROUNDS):
-            x = np.linalg.lstsq(columns, tau * np.sign(columns @ x), rcond=1e-9)[0]
-        unsigned = float(np.mean((tau - np.abs(columns @ x)) ** 2))
-        if x[0] > 0 and unsigned < _RIGHT * tau.var() and unsigned < _CERTAIN * signed:
-            found.append((recording.joint_names[j], signed / tau.var(), unsigned / tau.var()))
-    if not found:
+            x = np.linalg.lstsq(columns * (np.sign(columns @ x) * sign)[:, None], tau, rcond=1e-9)[0]
+        unsigned = float(np.mean((tau - np.abs(columns @ x) * sign) ** 2))
+        signed = _mean_square(columns, tau)
+        if x[0] > 0 and unsigned < _RIGHT * tau.var() and unsigned < _LIKELY * signed:
+            found.append((j, signed / tau.var(), unsigned / tau.var()))
+    if not any(unsigned < _CERTAIN * signed for _, signed, unsigned in found):
         return None
-    names = listed([name for name, _, _ in found])
-    _, signed, unsigned = max(found, key=lambda one: one[1])
+    # What is certain on one joint is so on the others that look like it.
+    names = listed([recording.joint_names[j] for j, _, _ in found])
+    worst, signed, unsigned = max(found, key=lambda one: one[1])
     several = len(found) > 1
+    no_sign, seldom = ("no sign", "negative") if never_negative[worst] else ("the sign of the velocity", "against it")
     return Fault(
-        f"the torque{'s' * several} of {names} {'have' if several else 'has'} no sign",
-        f"the motion needs torques of both signs, {'these are' if several else 'this is'} never negative; as a signed "
+        f"the torque{'s' * several} of {names} {'have' if several else 'has'} {no_sign}",
+        f"the motion needs torques of both signs, {'these are' if several else 'this is'} never {seldom}; as a signed "
         f"torque {100 * signed:.0f} % of it is left unexplained, as a magnitude {max(100 * unsigned, 0.1):.2g} %",
         "record the torque with its sign: it cannot be put back with certainty where the torque passes zero",
     )
@@ -85,6 +93,21 @@ def _one_sign(recording: Recording, data: Reading, model: Float[Array, "N nv"]) 
     turns = np.ptp(np.sign(data.motion.v), axis=0) == 2
     positive = (recording.tau.min(axis=0) >= 0) & (recording.tau.max(axis=0) > 0)
     return both & turns & positive
+
+
+def _along_velocity(data: Reading, model: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
+    """True for joints whose strong torques all have the sign of the velocity although the model needs others.
+
+    Drives that report a magnitude are often logged with the sign of the velocity.
+    """
+    fast = np.abs(data.motion.v) > _STRONG * np.sqrt(np.mean(data.motion.v**2, axis=0))
+
+    def brakes(torque: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+        """Share of the samples in which a strong torque is against a fast motion."""
+        strong = np.abs(torque) > _STRONG * np.sqrt(np.mean(torque**2, axis=0))
+        return np.mean(fast & strong & (torque * data.motion.v < 0), axis=0)
+
+    return (brakes(model) > _STRONG_SHARE) & (brakes(data.tau) < _NEVER)
 
 
 def _mean_square(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> float:
