@@ -29,6 +29,8 @@ from phantom_dyn.array_types import Array, Float
 _WORTH_TRYING = 8
 # The same for the swaps on each set of joints, if the robot has many joints.
 _TRIED_EACH = 3
+# Largest number of parts of an effect of which every sum is tried.
+_ALL_SUMS = 3
 
 
 def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
@@ -180,18 +182,23 @@ def _groups(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]
 def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
     """Sets of two or more effects whose sum may make the torque of one effect.
 
-    An effect with one parameter for several joints is replaced by parts on all of these joints.
+    An effect with one parameter for several joints is replaced by parts on all of these joints. Of many parts, all pairs
+    are tried, and all parts together.
     """
     parts = parts_of(search, term)
     if len(joints_of(term)) > 1:
         return [frozenset(part for part in parts if part.joint is not None)]
-    return _groups(parts)
+    if len(parts) <= _ALL_SUMS:
+        return _groups(parts)
+    return [*_groups(parts, most=2), frozenset(parts)]
 
 
 def parts_of(search: Search, term: Term) -> list[Term]:
-    """Effects on the joints of ``term``, or of the whole robot, whose sum may make nearly the torque of ``term``."""
-    names, joints = term.effect.sum_parts, {None, *joints_of(term)}
-    return [other for other in search.terms if other.effect.name in names and other.joint in joints]
+    """Effects whose sum may make nearly the torque of ``term``, on joints on which it acts or of the whole robot."""
+    names = search.problem.session.robot.joint_names
+    rows = frozenset[int]().union(*(search.problem.touched[column] for column in term.columns))
+    joints = {None, *(names[row] for row in rows)}
+    return [other for other in search.terms if other.effect.name in term.effect.sum_parts and other.joint in joints]
 
 
 def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:

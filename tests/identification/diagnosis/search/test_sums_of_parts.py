@@ -130,6 +130,30 @@ def test_a_load_and_friction_of_a_pendulum_are_rivals_of_a_torque_constant():
     assert all(finding.probability < 0.9 for finding in found if finding.effect == "torque_constant")
 
 
+PAN_TILT = """<robot name="pan_tilt"><link name="base"/>
+<link name="column"><inertial><mass value="3"/><origin xyz="0 0 0.2"/>
+  <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+<link name="arm"><inertial><mass value="1.5"/><origin xyz="0.2 0 0"/>
+  <inertia ixx="0.002" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+<joint name="pan" type="revolute"><parent link="base"/><child link="column"/><axis xyz="0 0 1"/>
+  <limit lower="-3" upper="3" effort="50" velocity="10"/></joint>
+<joint name="tilt" type="revolute"><parent link="column"/><child link="arm"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" effort="50" velocity="10"/></joint></robot>"""
+
+
+@pytest.mark.whole
+def test_rotors_of_two_joints_are_no_body_that_is_as_heavy_to_turn_about_every_axis(tmp_path):
+    # Known truth: two rotors, whose torque the last link makes as well with an inertia that is the same about all axes.
+    file = tmp_path / "pan_tilt.urdf"
+    file.write_text(PAN_TILT)
+    rotors = [("rotor_inertia", joint, {"inertia": 0.1}) for joint in ("pan", "tilt")]
+    made = dyn.simulate(str(file), sines(np.arange(2001) / 100, 2, np.random.default_rng(1), size=0.5), effects=rotors)
+    found = dyn.diagnose(str(file), made.recording(position_noise=1e-5, torque_noise=0.05)).findings
+    assert places_of(found) == {("rotor_inertia", "pan"), ("rotor_inertia", "tilt")}
+    rivals = [places_of(rival.effects) for finding in found for rival in finding.rivals]
+    assert {("inertial_parameters", "tilt")} in rivals
+
+
 def places_of(effects) -> set[tuple[str, str | None]]:
     return {(one.effect, one.joint) for one in effects}
 
