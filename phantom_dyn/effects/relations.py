@@ -61,7 +61,7 @@ RELATIONS: tuple[Relation, ...] = (
     Relation("joint_coupling", "resembles on each joint", "coulomb_friction"),
     Relation("joint_coupling", "resembles on each joint", "viscous_friction"),
     Relation("inertial_parameters", "contains", "payload"),
-    # A link that is as heavy to turn about every axis is so for each joint before it, as the rotors of these joints are.
+    # A link that is as heavy to turn about every axis is so for each joint before it, as rotors of these joints are.
     Relation("inertial_parameters", "resembles a sum of", "rotor_inertia"),
     # A torque constant scales the whole torque of a drive.
     Relation("torque_constant", "resembles a sum of", "coulomb_friction"),

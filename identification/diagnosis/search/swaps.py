@@ -182,8 +182,8 @@ def _groups(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]
 def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
     """Sets of two or more effects whose sum may make the torque of one effect.
 
-    An effect with one parameter for several joints is replaced by parts on all of these joints. Of many parts, all pairs
-    are tried, and all parts together.
+    An effect with one parameter for several joints is replaced by parts on all of these joints. Of many parts, all
+    pairs are tried, and all parts together.
     """
     parts = parts_of(search, term)
     if len(joints_of(term)) > 1:
