@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.judge.findings.bench import State
+from identification.diagnosis.judge.findings.shown import _hidden_twins
 from identification.diagnosis.judge.findings.timing_rivals import losses_beyond
 from identification.diagnosis.search.rival_sets import compare_with_rivals
 from identification.pipeline import diagnose
@@ -51,6 +53,22 @@ def test_a_short_lag_and_a_delay_are_one(late, beyond):
 def test_a_delay_that_leaves_a_gap_beside_a_long_lag_is_compared_at_all_frequencies(late, beyond):
     # Closed form: 1 + i w T and exp(i w T) differ by half where w T is one.
     assert beyond(late(0.3), "actuator_lag") == {}
+
+
+def test_a_lag_that_adds_nothing_to_a_delay_is_its_rival(late):
+    # By the statement: beside a delay a lag may fail a gate that it would pass alone; friction is not in its place.
+    prepared = late(0.01)
+    lag, delay, other_lag, friction = (
+        prepared.term(name, joint)
+        for name, joint in (
+            ("actuator_lag", "elbow"),
+            ("input_delay", "elbow"),
+            ("actuator_lag", "shoulder"),
+            ("coulomb_friction", "elbow"),
+        )
+    )
+    assert _hidden_twins(State(frozenset([lag, delay, other_lag, friction]), frozenset([delay]))) == {lag}
+    assert _hidden_twins(State(frozenset([lag, friction]), frozenset([friction]))) == frozenset()
 
 
 def test_friction_is_compared_with_its_rivals_at_all_frequencies(late, beyond):
