@@ -196,6 +196,8 @@ def _advice(recording: Recording, suspect: Suspect) -> str:
         words = (
             f"if a controller had taken gravity out, {words}; if the robot stands or hangs otherwise, state gravity in "
             "robot.yaml"
+            if "tau" in suspect.entries
+            else f"if a controller had taken gravity out there, or a counterbalance carries the links, {words}"
         )
     if suspect.kind in ("factors", "gears"):
         words += (

@@ -24,7 +24,7 @@ _UPRIGHT, _ALONG = float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0
 
 
 def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False) -> list[Suspect]:
-    """The suspected mistake that a controller subtracted the weight of the links from the torques.
+    """The suspected mistake that a controller subtracted the weight of the links from all or some torques.
 
     Args:
         robot: The given model.
@@ -37,15 +37,26 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
     joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     size = float(np.linalg.norm(robot.model.gravity.linear))
     largest = size if loaded else _CONTAINED * size
-    if not joints or np.linalg.norm(gravity_from_torques(robot, reading, joints)) > largest:
+
+    def lack(some: tuple[int, ...]) -> bool:
+        """Whether the torques of some joints together do not show gravity."""
+        return bool(np.linalg.norm(gravity_from_torques(robot, reading, some)) <= largest)
+
+    without = joints if loaded else tuple(j for j in joints if lack((j,)))
+    if not without or (without == joints and not lack(joints)):
         return []
+    entries = {"tau": "{compensated: gravity}"}
+    if without != joints:
+        entries = {f"tau.{robot.joint_names[j]}": "{compensated: gravity}" for j in without}
+        weight = np.where(np.isin(np.arange(robot.nv), without), weight, 0.0)
+    several = len(without) > 1
+    lacks = "may lack" if loaded else "lack" if several else "lacks"
     return [
         Suspect(
             "gravity",
-            joints,
-            f"the torques of {names(robot, joints)} {'may lack' if loaded else 'lack'} the weight of the links that "
-            "the model has",
-            {"tau": "{compensated: gravity}"},
+            without,
+            f"the torque{'s' * several} of {names(robot, without)} {lacks} the weight of the links that the model has",
+            entries,
             lambda reading: with_torques_plus(reading, weight),
             outcome="offer" if loaded else "wrong",
         )

@@ -307,6 +307,14 @@ def test_a_torque_from_which_gravity_was_taken_is_refused_with_the_entry(clean, 
     assert "state gravity in robot.yaml" in fault.mend
 
 
+def test_a_torque_of_one_joint_without_gravity_is_refused_with_its_entry(clean, planar2):
+    recording = clean(robot=planar2)
+    taken = gravity_torque(planar2, recording.q) * [1.0, 0.0]
+    fault = only(checked(replace(recording, tau=recording.tau - taken), planar2).wrong)
+    assert fault.what == "the torque of shoulder lacks the weight of the links that the model has"
+    assert "or a counterbalance carries the links, write tau.shoulder: {compensated: gravity} into" in fault.mend
+
+
 def test_a_robot_that_stands_askew_lacks_no_weight(clean, planar2):
     askew = replace(planar2)
     askew.model.gravity.linear = pin.exp3(np.array([0.0, 0.5, 0.0])) @ askew.model.gravity.linear
