@@ -359,7 +359,6 @@ def test_a_torque_that_only_weight_keeps_positive_has_its_sign(planar2, planar_l
 @pytest.mark.parametrize("run", ["0kg", "1kg", "2kg"])
 def test_a_heavy_load_on_a_light_lever_is_not_certainly_wrong(data_folder, run):
     # Published: 2 kg on a lever of 0.078 kg.
-
     folder = data_folder / "go1_pendulum"
     if not folder.exists():
         pytest.skip("this recording is not part of the public folder")
