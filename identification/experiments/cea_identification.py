@@ -35,7 +35,8 @@ class Conditions:
         torque_noise: Standard deviation of the noise of torques [N m].
         encoder_step: Resolution of the positions on the joint side [rad].
         rate_hz: Sample rate.
-        cutoff_hz: Edge of the low pass of torque and columns [Hz]; ten times the frequency of the fastest wave.
+        cutoff_hz: Cut-off of the low pass that is applied to the torque and to the columns of the regressor [Hz]; ten
+            times the frequency of the fastest wave.
         duration: Duration of each recording [s]; 100 s give the 15000 equations of the paper.
     """
 
@@ -136,7 +137,7 @@ def identify(train: Log, test: Log, conditions: Conditions) -> CeaIdentification
         conditions: Link lengths and gravity.
     """
     W, y = equations(train, conditions)
-    # Number of samples per independent one for filtered and decimated white noise.
+    # The low pass makes neighbouring samples dependent: one of ``memory`` samples is independent.
     memory = 1 / (train.band.step * np.sum(train.band.kernel**2))
     fit = fit_linear(W.reshape(-1, len(NAMES)), y.reshape(-1), NAMES, UNITS, memory=max(1.0, memory))
     W, y = equations(test, conditions)

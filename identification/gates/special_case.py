@@ -7,50 +7,58 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# probability: by Wald's test, that the size of a linear law differs from zero in the fit that states it.
+# probability: smallest certainty, by Wald's test, that the size of an effect is not zero, and that the effect differs
+# from its simpler law, in the fit whose parameters are reported.
 DIFFERS_FROM_ZERO = 0.95
 
-# probability: by Student's test, that play and spring of a joint each differ from zero if both are fitted.
+# probability: smallest certainty, by Student's test, that play and spring of a joint are both not zero if both are
+# fitted.
 BOTH_THERE = 0.99
 
-# share of the squared torque that wrong inertial parameters explain. If the robot lacks a part of the model and this
-# explains at least the share, a note names the part. The residual may have half of the amplitude.
+# share: wrong inertial parameters explain some squared torque. If the robot lacks one part of the model, and this alone
+# explains at least this share of that torque, a note names the part. The torque left then has at most half of the
+# amplitude.
 PART_SHARE = 0.75
 
-# share of the same squared torque above which the missing part is the finding. The residual may have a third of the
-# amplitude, which includes the tolerances of the links before the part.
+# share: from this share on, the missing part is reported as the finding instead of wrong inertial parameters. The
+# torque left has at most a third of the amplitude; it includes errors of the links before the part, within their
+# tolerances.
 PART_CERTAIN = 0.9
 
 
 def differs_from_simpler(certain: float) -> GateResult:
-    """Does the size of an effect differ from zero, and the effect from the simpler law that it tends to?
+    """Is the size of an effect not zero, and does the effect differ from the simpler law that is its special case?
 
+    For example, Coulomb friction is the simpler law of Stribeck friction.
     A stronger effect would pass, or a recording that shows the effect more clearly.
 
     Args:
-        certain: Probability of a smaller difference from zero, or from the simpler law, if that law were true.
+        certain: Probability that a recording without the difference (size zero, or the simpler law true) would show a
+            smaller one.
     """
     return GateResult("differs from simpler", certain, DIFFERS_FROM_ZERO, "probability", certain >= DIFFERS_FROM_ZERO)
 
 
 def both_are_there(certain: float) -> GateResult:
-    """In recordings at rest: do play and spring of one joint each differ from zero if both are fitted?
+    """In recordings at rest: are play and spring of one joint both not zero if both are fitted?
 
     Recordings under loads of more sizes would pass, as these separate play from spring.
 
     Args:
-        certain: Probability of a smaller size if the true size were zero; of the less certain of play and spring.
+        certain: Probability that a recording with a true size of zero would show a smaller size; the lower one of play
+            and spring.
     """
     return GateResult("both are there", certain, BOTH_THERE, "probability", certain > BOTH_THERE)
 
 
 def more_than_a_missing_part(share: float) -> GateResult:
-    """Do wrong inertial parameters explain more than the absence of a part that the model has and the robot lacks?
+    """Do wrong inertial parameters explain the torque much better than the absence of one part of the model?
 
-    They pass if the absence of the part explains less than nine tenths of the squared torque that they explain.
+    The simpler statement is that the robot lacks this part. The gate passes if the missing part alone explains less
+    than nine tenths of the squared torque that the wrong parameters explain.
 
     Args:
-        share: Share of that squared torque that the absence of the part explains.
+        share: Share of that squared torque that the missing part alone explains.
     """
     left = 1.0 - share
     return GateResult(

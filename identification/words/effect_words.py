@@ -110,7 +110,7 @@ def size_words(finding: Finding) -> str:
 
 
 def shortfall_words(value: Value) -> str:
-    """Size of a finding below the modelled value, as ``by 0.051 N m``."""
+    """How far a finding is below the modelled value, as ``by 0.051 N m``."""
     return f"by {with_unit(number(abs(value.numbers[0])), value.unit)}"
 
 

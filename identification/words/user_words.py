@@ -1,4 +1,7 @@
-"""Stores the words of effects that a user wrote in the result: reports are made without these effects."""
+"""Copies the texts of a user's own effects into the result of a diagnosis.
+
+A report is written from the result alone, when the user's code may not be loaded.
+"""
 
 from __future__ import annotations
 

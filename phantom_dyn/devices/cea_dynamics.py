@@ -1,5 +1,9 @@
 r"""Inverse dynamics of the CEA branch in closed form (Table 4), and mass, friction and stiffness that a hand feels.
 
+The source is the CEA paper (see `phantom_dyn.devices.cea`). :math:`R_1` rotates vectors from frame 1 to frame 0,
+:math:`d_3` is the length of the arm, :math:`x_b` are the 16 parameters of Table 4, and :math:`K_{tot}` is the stiffness
+of transmission and motor in series.
+
 The drive torque is
 :math:`\Gamma = A(q)\,a + H(q, v) + F_v v + F_c\,\mathrm{sign}\,v + \mathrm{offset} = D(q, v, a)\,x_b`, equations
 (1) and (2). It follows from the kinetic energy :math:`\frac12 v^T A v` and the potential energy
@@ -46,9 +50,11 @@ UNITS = tuple(parameter.unit for parameter in INERTIAL.values())
 VALUES = np.array([parameter.value for parameter in INERTIAL.values()])
 VALUES.flags.writeable = False
 STIFFNESS_OF_RANGES = 450.0
-"""Joint stiffness [N m/rad] with which one posture has the published ranges of mass, Coulomb force and stiffness.
+"""Stiffness of each joint [N m/rad] for which a posture exists whose mass, Coulomb force and stiffness at the tip are
+all in the published ranges.
 
-The only possible unit of the printed stiffness gives 1000, see `phantom_dyn.devices.cea.STIFFNESS_UNITS`."""
+It is not from the paper: the printed stiffness, read in the only unit that is possible, is 1000 (see
+`phantom_dyn.devices.cea.STIFFNESS_UNITS`)."""
 # Ratio of smallest to largest singular value of J below which the tip cannot move in some direction.
 _SINGULAR = 1e-6
 

@@ -1,13 +1,15 @@
-"""Base class of effects whose author writes only the law; the columns are finite differences of the law.
+"""Base class of effects whose author writes only the law, from which the columns are computed.
 
 The law is the method ``torque``. It is linear in all parameters except those for which the author gives values to try
-(`Parameter.tried`). For a linear parameter the difference is exact up to rounding. A parameter with values to try is a
-shape, like the velocity of Stribeck friction: the search tries these values, then values closer to the best one. The
-search tries every combination on every joint, so give few values.
+(`Parameter.tried`). Each column is the law with one linear parameter set and the others zero. As the law is linear in
+this parameter, the column is exact up to rounding. A parameter with values to try is a shape, like the velocity of
+Stribeck friction: the search tries these values, then values closer to the best one. The search tries every combination
+on every joint, so give few values.
 
-Limits: at least one parameter must be linear (the size of the effect). The law of a joint acts on this joint only. In a
-simulation the law may depend on position, velocity and transmitted torque at the same instant, but not on accelerations
-or on the past. An effect beyond these limits must define ``signature`` or ``simulated`` as well.
+Limits: at least one parameter must be linear (the size of the effect). The law of a joint, or of a pair of joints, acts
+on these joints only. In a simulation the law may depend on position, velocity and transmitted torque at the same
+instant, but not on accelerations or on the past. An effect beyond these limits must define ``signature`` or
+``simulated`` as well.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ class LawEffect(Effect):
         return (*neighbours(_LESS), shape, *neighbours(_MORE))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Drive torque per unit of each linear parameter, from differences of the law.
+        """Drive torque per unit of each linear parameter: the law with the other linear parameters zero.
 
         Raises:
             EffectError: If the law is not finite on this motion.
@@ -67,9 +69,9 @@ class LawEffect(Effect):
         linear = [k for k, one in enumerate(known) if not one.tried]
         rows, columns = rows_of_law(robot, joint), []
         for k in linear:
-            step = unit_of(known[k])
-            theta = _theta(known, np.where(np.array(linear) == k, step, 0.0), shape)
-            columns.append(-self.torque(robot, operation, joint, theta)[:, list(rows)] / step)
+            size = unit_of(known[k])
+            theta = _theta(known, np.where(np.array(linear) == k, size, 0.0), shape)
+            columns.append(-self.torque(robot, operation, joint, theta)[:, list(rows)] / size)
         made = np.stack(columns, axis=-1)
         if not np.isfinite(made).all():
             raise EffectError(
@@ -114,7 +116,10 @@ def rows_of_law(robot: Robot, joint: str | None) -> tuple[int, ...]:
 
 
 def unit_of(parameter: Parameter) -> float:
-    """Value of a parameter at which the difference of the law is taken: the allowed nonzero value nearest to one."""
+    """Value of a parameter at which the law is evaluated to get its column.
+
+    It is the value nearest to one within the parameter's bounds; if this is zero, the value nearest to minus one.
+    """
     near = float(np.clip(1.0, parameter.lower, parameter.upper))
     return near if near != 0.0 else max(float(parameter.lower), -1.0)
 

@@ -28,8 +28,9 @@ _POLES = 4
 class References(ReadOnlyArrays):
     """References of position controllers and the torques that they command.
 
-    They determine the torque for references that arrive later: the feedback is the same, so that the commanded torque
-    changes by the gain times the change of the reference, within the limits of the drive.
+    From them follows the torque that the drive would have given had the references arrived later. The measured motion
+    stays as it was, so the commanded torque changes by the gain times the change of the reference, and the drive's
+    limits clip it.
 
     Attributes:
         t: Times [s], increasing, shape ``(N,)``.
@@ -92,8 +93,8 @@ class Operation(Motion):
             not pass to the link, shape ``(N, nv)``; None for zero.
         temperature: Temperature of the drives [deg C], shape ``(N, nv)``, NaN where none was recorded; None if none was
             recorded for any joint.
-        per_load: Drive torque per torque on the link: one plus the known friction per load, shape ``(N, nv)``; None for
-            one.
+        per_load: Derivative of the drive torque by the torque on the link: one plus the friction that a known effect
+            adds per unit of load, shape ``(N, nv)``; None for one.
         references: References and commands if the torque was computed from references; otherwise None.
     """
 
@@ -146,7 +147,7 @@ class Operation(Motion):
     def short_lived_copy(self) -> Operation:
         """A copy for a short use, whose `partials` and stored arrays of effects are freed together with it.
 
-        Stored in the operations of all recordings, they would need too much memory.
+        If the operations of all recordings kept these arrays, they would need too much memory.
         """
         out = self.after_fit(self.expected, self.residual_of_fit)
         out.__dict__["kept"] = dict(self.kept)

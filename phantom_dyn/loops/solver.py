@@ -32,8 +32,8 @@ from phantom_dyn.loops.chain import (
 CLOSED = 1e-6
 """Largest distance [m, rad] between two frames that count as coincident: robot files have about six digits."""
 SINGULAR = 1e-5
-"""Ratio of smallest to largest singular value of the constraints' derivative by the unknowns, below which the chain
-counts as singular: Newton's steps would be rounding errors, so that the unknowns are not determined."""
+"""The chain counts as singular if the smallest singular value of the constraints' derivative by the unknowns is below
+this share of the largest one: then Newton's steps are only rounding errors and do not determine the unknowns."""
 # Newton's method ends at a step below this [rad or m]. It converges quadratically, so that then only rounding errors
 # remain.
 _STEP = 1e-11
@@ -41,7 +41,8 @@ _STEP = 1e-11
 _ITERATIONS = 12
 REACH = 0.3
 """Longest step of a joint between two solutions [rad or m]."""
-# Largest correction of a predicted solution, over the length of the step: a larger one may change the assembly mode.
+# A step is refused if Newton's method corrects the linear prediction by more than this share of the step's length: the
+# chain may then have changed its assembly mode.
 _LARGEST_CORRECTION = 0.5
 # Smallest share of the distance to the next sample that is tried as one step.
 _SHORTEST = 1e-7
@@ -71,6 +72,8 @@ class _State:
 @dataclass(frozen=True)
 class Solution:
     """Positions of the tree for N samples, and their derivatives. Arrays are read-only if the chain has anchors.
+
+    Sizes: ``nt`` joints of the tree, ``nv`` active joints, ``nz`` unknowns, ``m`` constraint rows.
 
     Attributes:
         x: Positions [rad or m], shape ``(N, nt)``.

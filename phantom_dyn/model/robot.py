@@ -58,6 +58,9 @@ class Actuator:
 
     A drive may filter its references by a first-order low pass with the time constant ``reference_lag`` [s]; the
     reader of a recording applies this filter to the recorded references.
+
+    ``drive_known`` is False if the torque of the drive is unknown, by ``drive: unknown`` in ``robot.yaml`` or because
+    the recording does not have it. The motion of the joint is then used, and its torque is not judged.
     """
 
     rotor_inertia: float = 0.0
@@ -121,11 +124,11 @@ class Robot:
         config: The ``robot.yaml`` that the user named; None if it is the one beside the robot file, or there is none.
         user_effects: The user's effects in addition to the catalogue, see `phantom_dyn.effects.user`.
         carried: Standard parameters of the payload that an earlier diagnosis found, ``(10,)``, or None. A negative
-            payload may remove this mass in addition to that of the link.
+            payload (mass to be taken off) may be as large as the link's mass plus this mass.
         soft_friction: For each joint, the soft Coulomb friction of the file's simulator, or None; empty for a URDF.
         gains_of_file: Joints whose controller comes from their actuator in the robot's file.
-        unknown_arrivals: Joints whose references arrive in the drive at an unknown time within a frame of the bus, see
-            `identification.data.drives.arrivals`.
+        unknown_arrivals: Joints whose drive receives each reference at an unknown time within one cycle of the
+            fieldbus, see `identification.data.drives.arrivals`.
         model_error: Root mean square error of the model's torque that an earlier diagnosis found [N m or N],
             ``(nv, 2)``: where the joint creeps or reverses, and elsewhere. None if unknown.
         floating: True if the base is not bolted down.

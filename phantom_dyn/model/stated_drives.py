@@ -28,7 +28,7 @@ def actuator_of(stated: JointConfig, armature: float, from_file: Drive) -> Actua
         encoder_counts=stated.encoder_counts,
         encoder_side=stated.encoder_side,
         actuated=stated.actuated,
-        drive_known=stated.drive is None,
+        drive_known=stated.drive is None,  # ``drive: unknown`` is the only value of this key
         resistance=stated.resistance,
         voltage_limit=stated.voltage_limit,
         controller=controller,

@@ -21,9 +21,9 @@ from phantom_dyn.motion import Motion
 # planner starts and stops together have 0.6 to 0.9; joints that follow one profile, some milliseconds apart, have 0.99
 # or more.
 _CORRELATION = 0.97
-# A motion is one sine if the strongest line of its spectrum has more than the first share of the power. The line
-# includes the second number of bins to either side.
-_SINE_SHARE, _LINE_BINS = 0.98, 3
+# A motion is one sine if more than this share of the power is in the strongest peak of its spectrum. The peak includes
+# this number of frequency bins on either side.
+_SINE_SHARE, _PEAK_BINS = 0.98, 3
 # A joint moves if its speed is above this share of the fastest joint's speed, both root mean squares.
 _STILL = 1e-3
 # Number of samples of the regressor.
@@ -72,9 +72,9 @@ def is_one_sine(x: Float[Array, " N"]) -> bool:
     """
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
     peak = int(np.argmax(power[1:])) + 1 if len(power) > 1 else 0
-    line = power[max(peak - _LINE_BINS, 0) : peak + _LINE_BINS + 1]
-    # With fewer periods than the width of the line, the signal may be any slow motion.
-    return bool(peak > _LINE_BINS and line.sum() > _SINE_SHARE * power[1:].sum())
+    around = power[max(peak - _PEAK_BINS, 0) : peak + _PEAK_BINS + 1]
+    # With fewer periods than the width of the peak, the signal may be any slow motion.
+    return bool(peak > _PEAK_BINS and around.sum() > _SINE_SHARE * power[1:].sum())
 
 
 def separated(robot: Robot, motion: Motion) -> Separated:
@@ -128,7 +128,10 @@ def _shifted(x: Float[Array, "N nv"], shifts: list[int]) -> Float[Array, "N nv"]
 
 
 def check_one_line(robot: Robot, smooth: Smooth) -> tuple[str, ...]:
-    """A warning for each group of joints that move along one line; empty for closed chains and quaternions."""
+    """A warning for each group of joints that move along one line.
+
+    Empty if the robot has closed chains, or joints whose position is a quaternion or an angle as two numbers.
+    """
     if robot.chain is not None or robot.model.nq != robot.nv:
         return ()
     inside = smooth.inside

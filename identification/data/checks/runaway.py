@@ -98,7 +98,10 @@ def _doubles(speeds: Float[Array, " n"], distances: Float[Array, " n"]) -> bool:
 
 
 def _first_doubling(sizes: Float[Array, " n"]) -> int:
-    """Index of the first of `_DOUBLING` consecutive pieces that each double the one before; if none, their number."""
+    """Index of the first of `_DOUBLING` consecutive pieces that each double the one before.
+
+    The number of pieces if there are none.
+    """
     grows = sizes[1:] > _GROWS * sizes[:-1]
     for k in range(len(grows) - _DOUBLING + 1):
         if sizes[k] > 0 and grows[k : k + _DOUBLING].all():

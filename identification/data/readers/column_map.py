@@ -47,7 +47,7 @@ from phantom_dyn.model.files.settings_file import describe, read_settings
 
 # Parts of a torque that a controller may have subtracted.
 _PARTS = ("gravity", "friction")
-# What a recorder did to torques that a number states, with an example and what the number is.
+# Changes that a recorder made to torques and that one number describes: an example of the number, and its meaning.
 _RECORDED = {LOW_PASS: ("20", "the cut-off in Hz"), LATE: ("0.01", "the time by which it is late [s]")}
 WHOLE_KEYS = ("rate", "ignore")
 """Keys of a map that are not columns."""
@@ -96,8 +96,8 @@ def read_column_map(path: str | Path) -> ColumnMap:
     entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
     compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
     plain = {key: value for key, (value, _) in entries.items()}
-    plain, low_pass = _without_recorded(path.name, plain, LOW_PASS)
-    plain, late = _without_recorded(path.name, plain, LATE)
+    plain, low_pass = _split_off(path.name, plain, LOW_PASS)
+    plain, late = _split_off(path.name, plain, LATE)
     sources = {key: source_of(path.name, key, value) for key, value in plain.items() if value != {}}
     _require_own_columns(path.name, sources)
     return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate, late)
@@ -165,8 +165,11 @@ def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[s
     return {name: entry for name, entry in value.items() if name != COMPENSATED}, tuple(dict.fromkeys(parts))
 
 
-def _without_recorded(file: str, entries: Mapping[str, Any], name: str) -> tuple[dict[str, Any], dict[str, float]]:
-    """Entries without one of the keys `_RECORDED`, and its numbers by joint; the joint ``""`` stands for all joints."""
+def _split_off(file: str, entries: Mapping[str, Any], name: str) -> tuple[dict[str, Any], dict[str, float]]:
+    """The entries without their key ``name`` (low_pass or late), and the numbers of this key by joint.
+
+    The joint ``""`` means all joints.
+    """
     out, numbers = dict(entries), {}
     example, wanted = _RECORDED[name]
     for key, value in entries.items():

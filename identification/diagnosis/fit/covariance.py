@@ -39,8 +39,9 @@ def covariance(
 ) -> Float[Array, "p p"]:
     """Covariance by the noise model, with standard deviations enlarged to the scatter between blocks if that is larger.
 
-    The scatter is the variance of the block jackknife plus the variance by errors that recur in all blocks at the same
-    state. The jackknife excludes parameters with an active bound: they do not change when a block is left out.
+    The scatter is a sum of three variances: that of the block jackknife (the fit repeated without each block), that of
+    the prior, and ``repeated``. The jackknife excludes parameters with an active bound: they do not change when a block
+    is left out.
 
     Args:
         a: Products of slopes of each block.
@@ -48,7 +49,8 @@ def covariance(
         precision: Prior precision of each parameter.
         x: The parameters.
         free: Indices of the parameters without an active bound.
-        repeated: Variance of each parameter by errors that recur in all blocks.
+        repeated: Variance of each parameter by model errors that repeat whenever the robot is in the same state, which
+            leaving out a block does not show.
     """
     total = a.sum(axis=0) + np.diag(precision)
     inverse = solve(total, np.eye(len(x)))

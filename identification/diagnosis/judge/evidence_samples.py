@@ -1,4 +1,4 @@
-"""Samples of motion and torque of all recordings, for the figures of a report and the law of the residual."""
+"""Samples of motion and torque of all recordings, for figures of a report and to find a formula of the torque left."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ def evidence_of(
 
     Args:
         judge: Recordings and the judged band.
-        given: Residual of the given model for each log, in the judged band.
+        given: Residual of the given model for each log, in the judged band; it shows in which regimes of motion the gap
+            occurs.
         after: Torque of the corrected model for each log.
         without: For each finding, torque for each log of the corrected model without this finding.
     """

@@ -1,7 +1,9 @@
-"""Thresholds of the gain: the largest gain of all effects by chance, in simulated recordings without a gap.
+"""Threshold that the gain of an effect must exceed, so that chance alone rarely makes a finding.
 
-These recordings differ from the given model by its tolerances and by noise only. A Gumbel distribution is fitted to the
-largest gains (maximum statistic over the catalogue of effects).
+The gain of an effect is the decrease of the loss (weighted squared residual) on held-out data when the effect is added
+to the fit. Recordings without a gap are simulated, every effect is fitted to each, and the largest gain of each
+recording is kept. The simulated recordings differ from the given model by its tolerances and by noise only. A Gumbel
+distribution, the usual law of largest values, is fitted to the largest gains.
 """
 
 from __future__ import annotations
@@ -26,17 +28,18 @@ _REPLICATES = 80
 def null_threshold(search: Search, filters: Whitening, noise: Series, least: float = 0.0) -> Threshold:
     """Held-out gain that no effect of the catalogue reaches by chance in 99 of 100 recordings without a gap.
 
-    The residual of a recording without a gap is simulated as the sum of two parts. One is the unpredicted residual with
-    a random sign for each block, which keeps the spectrum, the size and the correlation between joints. The other is
-    made by changes of the modelled inertias and friction, drawn from their tolerances. Every candidate effect is fitted
-    to each residual, and the largest gain is kept. The threshold is a quantile of the Gumbel distribution with the mean
-    and the deviation of these largest gains. Thresholds of single joints are computed in the same way from the effects
-    of each joint. They are higher, so that all together are exceeded in one recording of 100.
+    The residual of a recording without a gap is simulated as the sum of two parts. One is the noise of the recording:
+    the part of its residual that no model predicts. Each block of it gets a random sign; spectrum, size and correlation
+    between joints stay as they are. The other part comes from changes of the modelled inertias and friction, drawn from
+    their tolerances. Every candidate effect is fitted to each residual, and the largest gain is kept. The threshold is
+    a quantile of the Gumbel distribution with the mean and the deviation of these largest gains. Thresholds of single
+    joints are computed in the same way from the effects of each joint. They are quantiles of a higher level, so that
+    chance exceeds any of them in one recording of 100 at most.
 
     Args:
         search: Candidate effects and fitting problem.
         filters: Filters that make the columns of the problem white.
-        noise: Unpredicted residual of each log, whitened.
+        noise: Part of the residual of each log that no model predicts, whitened.
         least: Lower bound of each threshold.
     """
     problem = search.problem
@@ -59,9 +62,12 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
 def _null_products(
     problem: Problem, filters: Whitening, noise: Series, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Products of all white columns with ``R`` simulated residuals, over the blocks of each fold and over their cores.
+    """Sums over samples of each whitened column times each of ``R`` simulated residuals.
 
-    The shape of both is ``(F, K, R)``, for ``F`` folds and ``K`` columns.
+    Returns:
+        Sums over the blocks of each fold, and sums over the cores of these blocks. The core of a block is the part
+        whose noise is independent of the block before. The shape of both is ``(F, K, R)``, for ``F`` folds and ``K``
+        columns.
     """
     columns, blocks, grams = problem.columns, problem.blocks, problem.grams
     folds, total = int(grams.fold.max()) + 1, len(columns.names)
@@ -70,7 +76,8 @@ def _null_products(
     bound = np.array([n.bound for n in columns.tolerance_parameters])
     # Random changes of the tolerance parameters, within their bounds.
     changes = np.clip(rng.normal(size=(len(sigma), _REPLICATES)) * sigma[:, None], -bound[:, None], bound[:, None])
-    # Products of the columns with the noise of each block. Sums of them with random signs are those of a recording.
+    # Products of the columns with the noise of each block. With a random sign for each block they add up to the
+    # products of one simulated recording.
     whole, core = np.zeros((len(blocks), total)), np.zeros((len(blocks), total))
     for j, row in enumerate(grams.rows):
         weight = problem.weights.per_sample[j]
@@ -80,15 +87,15 @@ def _null_products(
             part = slice(block.start, block.stop)
             use = problem.white.usable[block.log][part, j]
             e = weight * np.where(use, noise[block.log][part, j], 0.0)
-            before_core = block.core - block.start
+            guard = block.core - block.start  # number of samples before the core
             x = columns.values[block.log][j]
-            inside = _product(filters, x, e[before_core:], block.log, j, block.core)
-            edge = _product(filters, x, e[:before_core], block.log, j, block.start) if before_core else 0.0
-            core[k, row.index] += inside
-            whole[k, row.index] += inside + edge
+            in_core = _product(filters, x, e[guard:], block.log, j, block.core)
+            before_core = _product(filters, x, e[:guard], block.log, j, block.start) if guard else 0.0
+            core[k, row.index] += in_core
+            whole[k, row.index] += in_core + before_core
 
     def by_fold(of_noise: Float[Array, "B K"], of_columns: RowProducts) -> Float[Array, "F K R"]:
-        """Products with the simulated residuals: those of the noise of each block, and those of the changes."""
+        """Products with the simulated residuals: the part from the noise plus the part from changes of the model."""
         blocks_of_fold = [grams.fold == fold for fold in range(folds)]
         of_changes = of_columns.between(np.arange(len(sigma)), np.arange(total)).transpose(0, 2, 1) @ changes
         return np.array([of_noise[rows].T @ signs[rows] for rows in blocks_of_fold]) + of_changes

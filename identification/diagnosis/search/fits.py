@@ -1,4 +1,9 @@
-"""Fits of sets of effects to one problem, each computed once and cached."""
+"""Fits of sets of effects to one problem, each computed once and cached.
+
+A fit takes one of three ways. With many nuisances (tolerance parameters that are always fitted) and linear effects, it
+is computed as a change of a similar fit (`NearFits`). Otherwise it is computed in full, starting from a similar fit.
+With few nuisances, the fits of many subsets of a few effects all come from one set of products (`Fits.of_subsets`).
+"""
 
 from __future__ import annotations
 
@@ -40,7 +45,8 @@ class Fits:
 
     Args:
         problem: The problem that is fitted.
-        allowed: Yields one item for each fit that may be made; several searches share it. None: no limit.
+        allowed: Iterator of which each fit takes one item; when it is empty, no more fits are made. Several searches
+            may share one, and so one limit. None means no limit.
 
     Raises:
         SearchWithoutEnd: By the first fit beyond the limit.
@@ -64,7 +70,11 @@ class Fits:
             self._at_readings.without_limit()
 
     def of(self, chosen: Chosen) -> Fits:
-        """Fits of the problem with the columns of a set, see `Problem.of`."""
+        """The cache for the problem that a set needs.
+
+        If effects of the problem displace the links or tilt the base, a set without one of these effects takes the
+        problem at the encoders' readings, see `Problem.of`.
+        """
         return self if self._at_readings is None or self.problem.of(chosen) is self.problem else self._at_readings
 
     def held_out(self, chosen: Chosen) -> Fitted:
@@ -91,13 +101,16 @@ class Fits:
         return own._in_sample[chosen]
 
     def gains(self, chosen: Chosen, terms: tuple[Term, ...]) -> dict[Term, float]:
-        """Decrease of the in-sample loss by each of some effects beside a set, to second order."""
+        """Decrease of the in-sample loss if one effect is added to a set, for each of ``terms``.
+
+        The decrease is computed by a quadratic approximation.
+        """
         if self.of(chosen) is not self:
             return self.of(chosen).gains(chosen, terms)
-        if self._near is not None and _linear(chosen):
+        if self._similar_fits is not None and _linear(chosen):
             active = active_columns(self.problem, ordered(chosen))
-            near = self._near.gains(active, {term.columns for term in terms})
-            return {term: near[term.columns] for term in terms}
+            found = self._similar_fits.gains(active, {term.columns for term in terms})
+            return {term: found[term.columns] for term in terms}
         known = self._gains.setdefault(chosen, {})
         new = {term.columns for term in terms}.difference(known)
         if new:
@@ -112,75 +125,81 @@ class Fits:
         """
         problem, total = self.problem, len(self.problem.precision)
         free = any(term.effect.inertial == "free" for term in terms)
-        # In these cases the products of all columns together do not give the fit of a subset.
-        if self._near is not None or self._at_readings is not None or free or not _linear(terms):
+        # With many nuisances a fit from the products of all columns is slower. It is wrong if the columns depend on the
+        # subset, and if the fit is nonlinear. With free inertial parameters its body may be physically impossible.
+        if self._similar_fits is not None or self._at_readings is not None or free or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:
-                if self._near is not None and _linear(chosen) and not free and chosen not in self._held_out:
-                    return self._near.coefficients(active_columns(problem, ordered(chosen)))
+                if self._similar_fits is not None and _linear(chosen) and not free and chosen not in self._held_out:
+                    return self._similar_fits.coefficients(active_columns(problem, ordered(chosen)))
                 found = self.held_out(chosen)
                 return np.vstack([found.fold_theta, found.theta])
 
             return fitted
         columns = active_columns(problem, ordered(terms))
         whole = products_of(problem, columns, (), held_out=True)
-        less = whole.held_out
-        assert less is not None
+        folds = whole.held_out  # the part of the products that each fold contributes
+        assert folds is not None
         with_prior = whole.a + np.diag(problem.precision[columns])
-        lower, upper, near = problem.lower[columns], problem.upper[columns], self._start.theta[columns]
+        lower, upper, start = problem.lower[columns], problem.upper[columns], self._first_start.theta[columns]
 
         def solved(chosen: Chosen) -> Float[Array, "G K"]:
             active = active_columns(problem, ordered(chosen))
             own = np.searchsorted(columns, active)
             square, ends = np.ix_(own, own), (lower[own], upper[own])
-            a, b, less_a = with_prior[square], whole.b[own], less.a[:, own[:, None], own]
-            x = bounded_solve(a, b, *ends, near=near[own])
-            out = np.zeros((len(less_a) + 1, total))
-            out[:-1, active] = bounded_solve_without(a, b, less_a, less.b[:, own], *ends, x)
+            a, b, fold_a = with_prior[square], whole.b[own], folds.a[:, own[:, None], own]
+            x = bounded_solve(a, b, *ends, near=start[own])
+            out = np.zeros((len(fold_a) + 1, total))
+            out[:-1, active] = bounded_solve_without(a, b, fold_a, folds.b[:, own], *ends, x)
             out[-1, active] = x
             return out
 
         return solved
 
     @cached_property
-    def _near(self) -> NearFits | None:
+    def _similar_fits(self) -> NearFits | None:
         """Fits computed as changes of a similar one; None with few nuisances."""
         many = len(self.problem.fitted_nuisances) >= _MANY_NUISANCES
-        return NearFits(self.problem, self._start.theta) if many else None
+        return NearFits(self.problem, self._first_start.theta) if many else None
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
         if next(self.allowed, None) is None:
             raise SearchWithoutEnd
-        if self._near is not None and _linear(chosen):
-            found = self._near.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
+        if self._similar_fits is not None and _linear(chosen):
+            found = self._similar_fits.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
             bodies = self.problem.bodies_of(chosen)
             if not any(impossible_bodies(bodies, theta) for theta in (found.theta, *found.fold_theta)):
                 return Fitted(self.problem, LinearisationPoint(), *found)
-        # Several fits are needed to find the linearisation point. It is the same in sample and held out.
+        # A nonlinear fit needs several linear fits to find the point about which it is linearised. The point is kept:
+        # fits on all data and on held-out data have the same one.
         point = self._points.get(chosen)
-        found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._beginning(chosen), point=point)
+        found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._start_of(chosen), point=point)
         if found.point.iterated:
             self._points[chosen] = found.point
         self._recent.append((chosen, found))
         return found
 
-    def _beginning(self, chosen: Chosen) -> WarmStart:
-        """Start of a fit: gains and active bounds of a similar fit."""
-        if self._near is not None and (_linear(chosen) or not self._recent):
+    def _start_of(self, chosen: Chosen) -> WarmStart:
+        """Coefficients of a similar fit, from which the fit of a set starts.
+
+        With many nuisances, a linear set and the first set of all start from the fit of their linear effects. Any other
+        set starts from the most similar recent fit.
+        """
+        if self._similar_fits is not None and (_linear(chosen) or not self._recent):
             others = ordered(term for term in chosen if _linear(frozenset([term])))
-            found = self._near.fit(active_columns(self.problem, others), held_out=False)
+            found = self._similar_fits.fit(active_columns(self.problem, others), held_out=False)
             similar = Fitted(self.problem, LinearisationPoint(), *found)
         elif self._recent:
             _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
         else:
-            return self._start
-        return replace(WarmStart.nothing(self.problem).after(similar, ()), payload=self._start.payload)
+            return self._first_start
+        return replace(WarmStart.nothing(self.problem).after(similar, ()), payload=self._first_start.payload)
 
     @cached_property
-    def _start(self) -> WarmStart:
+    def _first_start(self) -> WarmStart:
         """Start of a fit without a similar one: coefficients of the nuisances alone, and the best single point mass.
 
-        The same bounds of the nuisances are active in most fits.
+        This is a good start, because the nuisances meet the same bounds in most fits.
         """
         start = WarmStart.nothing(self.problem)
         start = start.after(fit(self.problem, (), held_out=False, near=start), ())

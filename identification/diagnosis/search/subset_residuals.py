@@ -17,7 +17,9 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 
 @dataclass(frozen=True)
 class _Row:
-    """Products of one row's columns and residual, summed over each group of judged blocks that one fit predicts.
+    """Products of the columns and the residual of one row (joint).
+
+    A group is the judged blocks that are predicted by the same fit; products are summed over each group.
 
     Attributes:
         index: Indices of these columns among all columns, ``(k,)``.
@@ -47,9 +49,13 @@ def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozens
     coefficients = plain.fits.of_subsets(terms)
 
     @cache
-    def rows_of(whole: bool) -> tuple[_Row, ...]:
-        """Products of all rows; if not ``whole``, with columns at the positions that the encoders read."""
-        own = problem if whole else problem.at_readings
+    def rows_of(with_displacement: bool) -> tuple[_Row, ...]:
+        """Products of all rows.
+
+        Columns are computed at the displaced positions if ``with_displacement``, else at the positions that the
+        encoders read.
+        """
+        own = problem if with_displacement else problem.at_readings
         assert own is not None
         wanted = {column for term in terms for column in term.columns} | set(own.fitted_nuisances.tolist())
         groups = [fold == which for which in fits]

@@ -42,7 +42,8 @@ class Group:
     Attributes:
         findings: All findings of the group.
         name: Names of the effects and of their joints.
-        size: Parameters of a single finding; the range of the parameter for several findings with one; else empty.
+        size: For a single finding, its parameters; for several findings of one effect with one parameter each, the
+            range of that parameter; otherwise empty.
         share: Share of the gap that the group closes, as text; empty if unknown.
         width: The share as the width of a bar [%].
         sure: Certainty of the least certain finding, in words.
@@ -77,6 +78,7 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
     text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
     closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
+    # No gap: the residual of the given model, or that of the model adjusted within its tolerances, is allowed.
     if gap.only_given_fits or (closed is None and gap.tolerated <= gap.allowed):
         closed = "may be a gap" if may_hide_gap(gap) else "no gap"
         if gap.only_given_fits:

@@ -2,10 +2,10 @@
 
 The true motion differs from the reading. So the residual torque is periodic in the joint's angle. Unlike the torque of
 cogging, it grows with acceleration and with speed squared; the gravity torque changes a little too. Over a small arc
-the error looks like an encoder offset. Motor and link turn together, so that the computed torque of the rotor is wrong
-too, on whichever side the encoder is. For an encoder on the motor, ``n = 1`` means an eccentric gear on the joint's
-axis: the error of an eccentric disc on the motor would repeat with each turn of the motor. URDF and MJCF have no place
-for it.
+the error looks like an encoder offset. The rotor inertia is multiplied by the same wrong acceleration, so the computed
+torque of the rotor is wrong too, whether the encoder is on the motor or on the link. If the encoder is on the motor, an
+eccentric disc would repeat with each turn of the motor; an error with one cycle per turn of the joint (``n = 1``) then
+comes from an eccentric gear on the joint's axis. URDF and MJCF have no place for this effect.
 """
 
 from __future__ import annotations

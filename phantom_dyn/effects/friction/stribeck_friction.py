@@ -71,7 +71,8 @@ class StribeckFriction(Effect):
                 unit,
                 0.0,
                 plausible=(0.0, fastest),
-                plausible_because="a film of lubricant carries a bearing or gear at a small share of its speed",
+                plausible_because="in a bearing or gear the film of lubricant already carries the load at a small "
+                "share of its top speed",
             ),
         )
 

@@ -49,7 +49,8 @@ from phantom_dyn.effects.support.rows import (
 
 # Range of temperatures in which drives with grease and magnets work [deg C].
 _COLDEST, _HOTTEST = -60.0, 200.0
-# Smallest change of temperature [deg C] over which friction may change by the limit of the drive.
+# Friction may change by at most the torque limit of the drive within this change of temperature [deg C]; this bounds
+# the slope.
 _LEAST_FULL_CHANGE = 10.0
 # Smallest change of temperature [deg C] in a recording; steps of a sensor are a degree or half a degree.
 _LEAST_CHANGE = 3.0
@@ -102,7 +103,8 @@ class TemperatureDependentFriction(Effect):
                 _per_degree(damping),
                 default=0.0,
                 plausible=(-np.inf, np.inf),
-                plausible_because="lubricants thin as they warm, cold grease by any amount, and tight bearings jam",
+                plausible_because="warm lubricant may thin by any amount, and a bearing that heat tightens may add any "
+                "amount",
             ),
             Parameter(
                 "reference_temperature",

@@ -1,4 +1,4 @@
-"""Columns from a law alone: finite differences against analytic columns of the catalogue and closed forms."""
+"""Columns from a law alone, against analytic columns of the catalogue and closed forms."""
 
 from dataclasses import replace
 

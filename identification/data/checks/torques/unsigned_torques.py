@@ -13,9 +13,11 @@ from phantom_dyn.errors import listed
 # The model needs torques of both signs if the modelled torque exceeds the first share of its root mean square, in each
 # direction, for more than the second share of the time.
 _STRONG, _STRONG_SHARE = 0.3, 0.1
-# Share of the time in which a torque with the sign of the velocity may be against it, as both pass zero.
+# Largest share of the time for which a torque that is logged with the sign of the velocity may oppose the velocity:
+# both are filtered, so near a reversal their signs may differ.
 _NEVER = 0.01
-# Magnitude from which on a filtered sign of the velocity is that of all samples in the filter.
+# If the filtered sign of the velocity is above this magnitude, the velocity had this sign at practically all samples in
+# the filter.
 _SURE = 0.9
 # A torque is fitted as a magnitude and as a signed torque. It is certainly a magnitude if the unexplained share as a
 # magnitude is below the first number, and below the second number times the unexplained share as a signed torque. It is
@@ -42,24 +44,27 @@ def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, 
         rows = np.abs(sign) > _SURE  # elsewhere the filter has mixed torques of both signs
         columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(len(needed))])
         columns, tau, sign = columns[rows], reading.tau[rows, j], np.sign(sign[rows])
-        x = np.array([1.0, 0.0, 0.0, 0.0])  # the model alone gives the first signs, and each fit those of the next
+        # The signs of the first round are those of the model's torque; each later round takes the signs of the fit
+        # before it.
+        x = np.array([1.0, 0.0, 0.0, 0.0])
         for _ in range(_ROUNDS):
             x = np.linalg.lstsq(columns * (np.sign(columns @ x) * sign)[:, None], tau, rcond=1e-9)[0]
-        unsigned = float(np.mean((tau - np.abs(columns @ x) * sign) ** 2))
-        signed = _mean_square(columns, tau)
-        if x[0] > 0 and unsigned < _RIGHT * tau.var() and unsigned < _LIKELY * signed:
-            found.append((j, signed / tau.var(), unsigned / tau.var()))
-    if not any(unsigned < _CERTAIN * signed for _, signed, unsigned in found):
+        left_as_magnitude = float(np.mean((tau - np.abs(columns @ x) * sign) ** 2))
+        left_as_signed = _mean_square(columns, tau)
+        if x[0] > 0 and left_as_magnitude < _RIGHT * tau.var() and left_as_magnitude < _LIKELY * left_as_signed:
+            found.append((j, left_as_signed / tau.var(), left_as_magnitude / tau.var()))
+    if not any(left_as_magnitude < _CERTAIN * left_as_signed for _, left_as_signed, left_as_magnitude in found):
         return None
-    # What is certain on one joint is so on the others that look like it.
+    # If one joint is certain, the joints that are only probable count as well: the same drives log them.
     names = listed([recording.joint_names[j] for j, _, _ in found])
-    worst, signed, unsigned = max(found, key=lambda one: one[1])
+    worst, left_as_signed, left_as_magnitude = max(found, key=lambda one: one[1])
     several = len(found) > 1
     no_sign, seldom = ("no sign", "negative") if never_negative[worst] else ("the sign of the velocity", "against it")
     return Fault(
         f"the torque{'s' * several} of {names} {'have' if several else 'has'} {no_sign}",
         f"the motion needs torques of both signs, {'these are' if several else 'this is'} never {seldom}; as a signed "
-        f"torque {100 * signed:.0f} % of it is left unexplained, as a magnitude {max(100 * unsigned, 0.1):.2g} %",
+        f"torque {100 * left_as_signed:.0f} % of it is left unexplained, as a magnitude "
+        f"{max(100 * left_as_magnitude, 0.1):.2g} %",
         "record the torque with its sign: it cannot be put back with certainty where the torque passes zero",
     )
 
@@ -75,8 +80,11 @@ def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N n
     out = []
     for j in np.flatnonzero(_one_sign(recording, data, model)):
         v, sign, tau = data.motion.v[:, j], data.sign[:, j], np.abs(data.tau[:, j])
-        signed, unsigned = regress_torque(model[:, j], v, sign, tau), regress_torque(np.abs(model[:, j]), v, sign, tau)
-        if signed is not None and unsigned is not None and unsigned.unexplained < _LIKELY * signed.unexplained:
+        as_signed = regress_torque(model[:, j], v, sign, tau)
+        as_magnitude = regress_torque(np.abs(model[:, j]), v, sign, tau)
+        if as_signed is None or as_magnitude is None:
+            continue
+        if as_magnitude.unexplained < _LIKELY * as_signed.unexplained:
             out.append(
                 f"{recording.file}: the torque of {recording.joint_names[j]} is never negative although its motion "
                 "needs both signs: it looks like a magnitude; record it with its sign."

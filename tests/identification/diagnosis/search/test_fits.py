@@ -62,9 +62,9 @@ def test_a_limit_of_fits_counts_those_at_the_positions_as_read_and_ends_with_the
 def test_losses_and_gains_do_not_depend_on_how_many_nuisances_there_are(rough, places, monkeypatch):
     chosen = frozenset(rough.term(*place) for place in places)
     each, near = Fits(rough.problem), Fits(rough.problem)
-    assert each._near is None
+    assert each._similar_fits is None
     monkeypatch.setattr(fits, "_MANY_NUISANCES", 1)
-    assert near._near is not None
+    assert near._similar_fits is not None
     np.testing.assert_allclose(near.held_out(chosen).loss, each.held_out(chosen).loss, rtol=1e-7)
     assert near.in_sample(chosen) == pytest.approx(each.in_sample(chosen), rel=1e-8)
     expected = each.gains(chosen, rough.problem.columns.terms)
