@@ -130,8 +130,9 @@ class Fits:
         if self._similar_fits is not None or self._at_readings is not None or free or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:
-                if self._similar_fits is not None and _linear(chosen) and not free and chosen not in self._held_out:
-                    return self._similar_fits.coefficients(active_columns(problem, ordered(chosen)))
+                similar = self._similar_fits if self.of(chosen) is self else None
+                if similar is not None and _linear(chosen) and not free and chosen not in self._held_out:
+                    return similar.coefficients(active_columns(problem, ordered(chosen)))
                 found = self.held_out(chosen)
                 return np.vstack([found.fold_theta, found.theta])
 

@@ -23,7 +23,7 @@ from identification.diagnosis.judge.findings.missing_parts import (
     payload_term,
 )
 from identification.diagnosis.judge.findings.outside_catalogue import beside_structures
-from identification.diagnosis.judge.findings.timing_rivals import is_at_same_place, is_late_torque, losses_beyond
+from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, losses_beyond
 from identification.diagnosis.judge.moved_by_noise import (
     depends_on_acceleration,
     motion_results,
@@ -311,7 +311,7 @@ def _rival_gate(bench: Bench, state: State) -> State:
 
     More probable rivals replace findings, as long as this leads to a new set. Otherwise the result is reached.
     """
-    state = replace(state, found=state.found - _hidden_twins(state))
+    state = replace(state, found=state.found - hidden_twins(state.found, state.shown))
     named = [term for term in ordered(state.shown) if term.named]
     comparisons = {term: _compared(bench, state, term) for term in named}
     shown = Shown(bench.plain.of(state.shown), state.shown, bench.fit(state.shown), comparisons, state.found)
@@ -341,20 +341,6 @@ def _rival_gate(bench: Bench, state: State) -> State:
     displaced = state.displaced | {term.effect_joint for term in state.found - found}
     exchanges = (*state.exchanges, (state.found - found, found - state.found))
     return replace(state.with_others(found), displaced=displaced, exchanges=exchanges, compared_sets=compared_sets)
-
-
-def _hidden_twins(state: State) -> frozenset[Term]:
-    """Laws of a late torque that failed the gate `shown_by_motion` beside another such law, which is shown.
-
-    One of two such laws, as a lag beside a delay, may fail only because it adds nothing to the other. In the set it
-    would be no rival of the other.
-    """
-    late = [term for term in state.shown if is_late_torque(term)]
-    return frozenset(
-        term
-        for term in state.found - state.shown
-        if is_late_torque(term) and any(is_at_same_place(term, one) for one in late)
-    )
 
 
 def _beside_structures(

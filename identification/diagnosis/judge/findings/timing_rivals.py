@@ -40,7 +40,7 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
         Increases by the set with the rival, ``(B,)`` each, for the best shape of each rival. The result is empty if the
         finding is no law of a late torque. Rivals of which all frequencies are compared are left out.
     """
-    if not is_late_torque(term):
+    if not _is_late_torque(term):
         return {}
     rivals = _comparable(bench, found, term, barred)
     if not rivals:
@@ -60,6 +60,24 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
     return {swapped: increase for _, swapped, increase in best.values()}
 
 
+def hidden_twins(found: Chosen, shown: Chosen) -> Chosen:
+    """Laws of a late torque that are not shown beside another such law on the same joint, or on all joints.
+
+    Where the motion is far above the noise one of the two, as a lag beside a delay, may add nothing to the other, and
+    then fails the gate `shown_by_motion`. In the set it would be no rival of the other.
+
+    Args:
+        found: A set of effects.
+        shown: Those of them that have passed all gates so far.
+    """
+    late = [term for term in shown if _is_late_torque(term)]
+    return frozenset(
+        term
+        for term in found - shown
+        if _is_late_torque(term) and any(term.joint == one.joint and term.effect is not one.effect for one in late)
+    )
+
+
 def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Term]:
     """Rivals whose residual differs so little from that of the finding that noise may be the reason.
 
@@ -68,8 +86,9 @@ def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[Effec
     """
     residual, out = np.maximum(residual_sums_with(bench.plain, found).rms(), 1e-300), dict[Chosen, Term]()
     for rival in bench.search.terms:
-        is_other_law = is_late_torque(rival) and rival.effect is not term.effect
-        if not is_other_law or not is_at_same_place(rival, term) or rival.effect_joint in barred:
+        same_place = rival.joint == term.joint or None in (rival.joint, term.joint)
+        is_other_law = _is_late_torque(rival) and rival.effect is not term.effect
+        if not is_other_law or not same_place or rival.effect_joint in barred:
             continue
         swapped = with_replacement(found, term, frozenset([rival]))
         if rival not in swapped:
@@ -80,11 +99,6 @@ def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[Effec
     return out
 
 
-def is_late_torque(term: Term) -> bool:
+def _is_late_torque(term: Term) -> bool:
     """True for laws of a late torque, such as a delay or a lag."""
     return term.effect.follows_torque and term.effect.uses_acceleration
-
-
-def is_at_same_place(one: Term, other: Term) -> bool:
-    """True for two effects on the same joint, and if one of them is on all joints."""
-    return one.joint == other.joint or None in (one.joint, other.joint)

@@ -101,6 +101,18 @@ def test_coefficients_of_a_subset_are_those_of_its_held_out_fit(rough):
         np.testing.assert_allclose(solved(terms - {left_out}), expected, rtol=1e-12, atol=1e-15)
 
 
+def test_a_subset_is_fitted_to_the_problem_that_it_needs(rough, monkeypatch):
+    # Oracle: the fit to the other problem, in which the tolerances are a tenth as wide.
+    rub, viscous = rough.term("coulomb_friction", "elbow"), rough.term("viscous_friction", "shoulder")
+    read = replace(rough.problem, precision=100.0 * rough.problem.precision)
+    both = replace(rough.problem, at_readings=read)
+    monkeypatch.setattr(type(both), "of", lambda self, chosen: self if viscous in chosen or self is read else read)
+    monkeypatch.setattr(fits, "_MANY_NUISANCES", 1)
+    solved = Fits(both).of_subsets(frozenset([rub, viscous]))(frozenset([rub]))
+    expected = Fits(read).held_out(frozenset([rub]))
+    np.testing.assert_allclose(solved, np.vstack([expected.fold_theta, expected.theta]), rtol=1e-6, atol=1e-9)
+
+
 def test_a_payload_without_the_tilt_weighs_in_the_gravity_of_the_model(lab, pendulum, trusted):
     # Closed form: where gravity points along the axis a mass has no moment about it. With a tilt it has one, which
     # looks like what a hardening spring lacks.

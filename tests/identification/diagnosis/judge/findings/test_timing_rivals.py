@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings.bench import State
-from identification.diagnosis.judge.findings.shown import _hidden_twins
-from identification.diagnosis.judge.findings.timing_rivals import losses_beyond
+from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, losses_beyond
 from identification.diagnosis.search.rival_sets import compare_with_rivals
 from identification.pipeline import diagnose
 
@@ -56,19 +54,15 @@ def test_a_delay_that_leaves_a_gap_beside_a_long_lag_is_compared_at_all_frequenc
 
 
 def test_a_lag_that_adds_nothing_to_a_delay_is_its_rival(late):
-    # By the statement: beside a delay a lag may fail a gate that it would pass alone; friction is not in its place.
+    # By the statement: beside a delay a lag may fail a gate that it would pass alone. Friction is no such law, and a
+    # delay of all drives makes up for that of another one.
     prepared = late(0.01)
-    lag, delay, other_lag, friction = (
-        prepared.term(name, joint)
-        for name, joint in (
-            ("actuator_lag", "elbow"),
-            ("input_delay", "elbow"),
-            ("actuator_lag", "shoulder"),
-            ("coulomb_friction", "elbow"),
-        )
-    )
-    assert _hidden_twins(State(frozenset([lag, delay, other_lag, friction]), frozenset([delay]))) == {lag}
-    assert _hidden_twins(State(frozenset([lag, friction]), frozenset([friction]))) == frozenset()
+    places = (("actuator_lag", "elbow"), ("actuator_lag", "shoulder"), ("coulomb_friction", "elbow"))
+    lag, other_lag, friction = (prepared.term(*place) for place in places)
+    delay, delay_of_all = (prepared.term("input_delay", joint) for joint in ("elbow", None))
+    found = frozenset([lag, delay, other_lag, friction, delay_of_all])
+    assert hidden_twins(found, frozenset([delay])) == {lag}
+    assert hidden_twins(found, frozenset([friction])) == frozenset()
 
 
 def test_friction_is_compared_with_its_rivals_at_all_frequencies(late, beyond):
