@@ -1,7 +1,8 @@
-"""Tests that a claim has to pass, in the order in which they are applied; each gate is one function.
+"""Tests ("gates") that a claim has to pass, in the order in which they are applied; each gate is one function.
 
-A gate gets figures of a claim and returns a value, the value that is needed, and whether the claim passes. Its
-docstring is its question; its thresholds are in the same file. ``python benchmarks/same_answers.py record --rule
+A claim says that an effect of the catalogue is present in the recordings. A gate gets numbers that were computed for a
+claim. It returns the number that it tests, the number that is needed, and whether the claim passes. The first line of
+its docstring is its question; its thresholds are in the same file. ``python benchmarks/same_answers.py record --rule
 FILE.NAME=VALUE`` diagnoses forty recordings with another threshold, such as ``above_chance.LEAST_GAIN=30``.
 """
 
@@ -47,7 +48,8 @@ GATES: tuple[Callable[..., GateResult], ...] = (
     large_enough,
     beyond_the_gain,
 )
-"""All gates in the order in which a claim meets them: those of the search, of the judged band, of rivals, of size."""
+"""All gates in the order in which they are applied: those of the search, of the judged band, of rivals, of size. The
+judged band holds the frequencies, from zero to a cutoff, in which the found effects are tested once more."""
 
 
 def gate_name(gate: Callable[..., GateResult]) -> str:

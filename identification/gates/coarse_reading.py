@@ -1,4 +1,7 @@
-"""Gates of coarse encoders: is an encoder coarser than stated, or than those of other joints, and does that matter?"""
+"""Gates of coarse encoders: is an encoder coarser than stated, or than those of other joints, and does that matter?
+
+All readings of an encoder are multiples of its step. The step in the recording is estimated from the readings.
+"""
 
 from __future__ import annotations
 
@@ -11,36 +14,37 @@ COARSE_STEP = 1.5
 # robot differ by less.
 COARSE_BESIDE = 10.0
 
-# share: coarse readings matter if their rounding is more than this share of the squared noise of some joint.
+# share: coarse readings matter if their rounding makes more than this share of the squared noise of some joint.
 COARSE_SHARE = 0.05
 
 
 def coarser_than_stated(times: float) -> GateResult:
-    """Do the readings lie on a lattice that is coarser than the encoder's stated step?
+    """Is the step of an encoder in the recording larger than its stated step?
 
-    An encoder passes if its steps in the recording are at least 1.5 times those of ``encoder_counts``.
+    An encoder passes if its step is at least 1.5 times that which follows from ``encoder_counts``.
 
     Args:
-        times: Step of the lattice over the stated one.
+        times: Step in the recording divided by the stated step.
     """
     return GateResult("coarser than stated", times, COARSE_STEP, "stated steps", times >= COARSE_STEP)
 
 
 def coarser_than_others(times: float) -> GateResult:
-    """Do the readings of a joint without a stated step lie on a far coarser lattice than those of the other joints?
+    """Is the step of an encoder without a stated step far larger than the steps of the other joints?
 
-    An encoder passes if its steps are at least ten times as large as those of most other joints of its kind.
+    An encoder passes if its step is at least ten times the median step of the other joints of its kind.
 
     Args:
-        times: Step of the lattice over the median one of the other joints.
+        times: Step of the encoder divided by that median step.
     """
     return GateResult("coarser than others", times, COARSE_BESIDE, "steps of other joints", times >= COARSE_BESIDE)
 
 
 def rounding_matters(share: float) -> GateResult:
-    """Is the rounding a large part of the noise of some joint, in the judged band or above it?
+    """Is the rounding of the readings a large part of the noise of some joint?
 
-    The claim would pass with a coarser encoder or a faster motion.
+    Frequencies in the judged band (where effects are tested) and above it count. The claim would pass with a coarser
+    encoder or a faster motion.
 
     Args:
         share: Largest share of the rounding in the squared noise of a joint.

@@ -1,4 +1,7 @@
-"""The gate of recordings without a torque: positions do not separate a torque constant from its controller's gain."""
+"""The gate of recordings without a torque: is an effect larger than the uncertainty of the controller's gain?
+
+From positions alone a wrong torque constant cannot be distinguished from a wrong gain of the joint's controller.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,14 @@ GAIN_TOLERANCE = 0.10
 
 
 def beyond_the_gain(excess: float, *, stated: bool) -> GateResult:
-    """Is the effect larger than the uncertainty of the controller's gain, which has the same effect on positions?
+    """Is the effect larger than the uncertainty of the controller's gain?
 
-    The effect would pass in a recording with a measured torque or current, or with a controller whose gain is stated.
+    A wrong gain changes the positions in the same way as the effect. The effect would pass in a recording with a
+    measured torque or current, or with a controller whose gain is stated.
 
     Args:
         excess: Size of the effect relative to the gain; infinite if the gain is zero.
-        stated: False if the gain was estimated from the same positions, so that the gain explains the effect, too.
+        stated: False if the gain was estimated from the same positions, so that a wrong gain explains the effect, too.
     """
     needed = 2.0 * GAIN_TOLERANCE if stated else np.inf
     return GateResult("beyond the gain", abs(excess), needed, "relative", stated and abs(excess) > needed)

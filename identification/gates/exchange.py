@@ -1,6 +1,7 @@
 """Gates that compare sets of effects: does another effect explain more, and does a law need all of its parameters?
 
-The score of a set is its held-out loss plus the price of its parameters; a smaller score is better.
+The loss of a set is the sum of squared residuals, in units of the noise variance, after a fit of its effects. Its score
+is its held-out loss plus the price of its parameters; a smaller score is better.
 `benchmarks/blind/run.py` counts the right and wrong claims that result.
 """
 
@@ -8,12 +9,12 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# multiples of the threshold of chance: least decrease of the score by a set in which a structure without a name (it
-# matches no effect of the catalogue) replaces 0, 1, 2, or at least 3 named effects. It may be negative for three,
-# because three causes at once are less likely than one.
+# multiples of the threshold of chance: a structure without a name (it matches no effect of the catalogue) replaces 0,
+# 1, 2, or at least 3 named effects if this lowers the score by more than these. The last value is negative: the
+# structure may replace three effects even if the score rises, because three causes at once are less likely than one.
 NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
 
-# gain: differences below this are rounding of the fits, and replace no set by another.
+# gain: a set replaces another one only if its score is lower by more than this. Smaller differences are rounding.
 ROUNDING = 1e-6
 
 # share: a structure without a name that replaces one or two causes has to gain, beyond the margin, this share of what
@@ -36,7 +37,7 @@ def explains_more_than_others(margin: float, allowed: float = 0.0) -> GateResult
 def worth_its_numbers(margin: float, accuracy: float) -> GateResult:
     """Does a law explain more than its special case with fewer parameters, beyond the accuracy of the method?
 
-    A law passes if its additional parameters explain a clear part of what the whole law explains.
+    A law passes if the gain by its additional parameters is a clear part of the gain of the whole law.
 
     Args:
         margin: Score of the set with the special case minus the score of the set with the law.

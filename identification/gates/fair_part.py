@@ -1,4 +1,8 @@
-"""The gate of the gap: does a claim close a part of it that is larger than the errors of the method?"""
+"""The gate of the gap: does an effect close a part of the gap that is larger than the errors of the method?
+
+The gap is the squared residual of the given model beyond the noise. The gain of an effect is the decrease of the
+squared residual when the effect is added to a fit.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +12,23 @@ from identification.engine.claims import GateResult
 # a residual of this size.
 LEAST_SHARE_OF_GAP = 0.01
 
-# share of the residual after the other effects that suffices in place of that. Errors of the other laws match no effect
-# of the catalogue, so no wrong effect closes as much of them.
+# share of the squared residual after the other effects: an effect that closes more than this may close less of the gap
+# than the share above. Errors of the other laws match no effect of the catalogue, so no wrong effect closes as much of
+# the residual that they leave.
 SHARE_OF_LEFT = 0.75
 
-# share of the squared torque: errors of alignment, derivatives and the linearised tolerances, 2.6 % of a torque.
+# share of the squared torque: errors of alignment, derivatives and the linearised tolerances, 2.6 % of a torque. A
+# smaller difference between two explanations is no evidence.
 ACCURACY = 0.0007
 
-# times: the gain by encoder noise alone that a claim needs.
+# times: the gain by encoder noise alone, which is added to the gain that a claim needs.
 SPURIOUS_FACTOR = 2.0
 
 
 def fair_part_of_the_gap(gain: float, needed: float) -> GateResult:
     """Does the effect close a fair part of the gap on its joints, beyond encoder noise and the price of its parameters?
 
-    An effect would pass that closes a larger share of the gap, or most of the residual after the other effects. If
+    An effect that closes a larger share of the gap, or most of the residual after the other effects, would pass. If
     encoder noise sets the threshold, the effect would pass in a recording with finer encoders.
 
     Args:

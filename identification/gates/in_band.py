@@ -1,4 +1,9 @@
-"""The gates of the judged band: is there more torque than noise, and does a finding close the gap on held-out data?"""
+"""The gates of the judged band: is there more torque than noise, and does a finding close the gap on held-out data?
+
+The judged band holds the frequencies, from zero to a cutoff, in which the found effects are tested once more. The gap
+is the squared residual of the model after changes within its tolerances. The share of the gap that a finding closes is
+the decrease of the squared residual by the finding.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +21,8 @@ def torque_is_there(torque: float) -> GateResult:
     Every recording in which the drives do work passes.
 
     Args:
-        torque: The largest measured torque of a joint, divided by the upper end of its noise floor.
+        torque: The measured torque of a joint, divided by the upper end of the interval of its noise floor; the
+            largest over all joints.
     """
     return GateResult("torque is there", torque, 1.0, "floors", torque > 1.0)
 
@@ -24,10 +30,10 @@ def torque_is_there(torque: float) -> GateResult:
 def closes_for_sure(least: float) -> GateResult:
     """Does the finding close the gap on held-out data in nearly every bootstrap draw of the blocks?
 
-    If not, the effect may only explain noise in a few blocks that have most of the gap. A finding that is true would
-    pass with more recordings.
+    If not, the effect may only explain noise in a few blocks that have most of the gap. A true finding would pass with
+    more recordings.
 
     Args:
-        least: Lower end of the interval of the closed share of the gap, divided by that share.
+        least: Closed share of the gap at the lower end of its bootstrap interval, divided by the closed share itself.
     """
     return GateResult("closes for sure", least, -OPENED_AGAIN, "of what it closes", least >= -OPENED_AGAIN)

@@ -9,20 +9,21 @@ from identification.engine.claims import GateResult, easiest
 from identification.gates.over_blocks import SIGNIFICANT_ERRORS
 from phantom_dyn.array_types import Array, Bool, Float
 
-# share: without the effect, the squared residual of some joint has to grow by more than this.
+# share: only joints whose squared residual grows by more than this without the effect are tested. If there is none, the
+# effect fails.
 VISIBLE_GROWTH = 0.03
 
-# ratio: least power density of the torque over that of the residual at frequencies where effects are tested. There
-# noise makes at most a thirtieth of the torque's power. At smaller ratios, motion by noise and the response of the
-# controller may look like an inertia or a late torque.
+# ratio: power density of the torque over that of the residual. Effects that depend on the motion are tested only at
+# frequencies with at least this ratio, where noise makes at most a thirtieth of the torque's power. At smaller ratios,
+# motion by noise and the response of the controller may look like an inertia or a late torque.
 MOVED_BY_NOISE = 30.0
 
 
 def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatter: float, price: float) -> GateResult:
-    """Does an effect that depends on the motion show at frequencies where the torque is far above the noise?
+    """Is an effect that depends on the motion visible at frequencies where the torque is far above the noise?
 
-    An effect passes if the gates of the search accept it at these frequencies, or if its gain there exceeds both the
-    price of its parameters and the scatter of the gain over blocks.
+    An effect passes if the gates of the search accept it at these frequencies, or if its gain there (the decrease of
+    the squared residual) exceeds both the price of its parameters and the scatter of the gain over blocks.
 
     Args:
         claim: Result of the search's gates at these frequencies.
@@ -31,11 +32,12 @@ def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatte
         scatter: Standard error of the held-out gain over blocks.
         price: Gain that the parameters of the effect have to exceed.
     """
-    # Both gains count: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
-    gains = (held_out, SIGNIFICANT_ERRORS * scatter), (min(held_out, in_sample), price)
-    smaller = min(gains, key=lambda gain: (gain[0] > gain[1], gain[0] / max(gain[1], 1e-300)))
+    # The smaller gain counts: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
+    tests = (held_out, SIGNIFICANT_ERRORS * scatter), (min(held_out, in_sample), price)
+    # Both tests have to pass, so the result is that of the harder one: one that fails, or passes by the smaller factor.
+    harder = min(tests, key=lambda test: (test[0] > test[1], test[0] / max(test[1], 1e-300)))
     ways = [(claim.value, claim.needed, claim.unit)] if claim.passed else []
-    return easiest("shown by motion", [*ways, (*smaller, "gain where the motion is loud")])
+    return easiest("shown by motion", [*ways, (*harder, "gain where the motion is loud")])
 
 
 def shown_above_noise(
@@ -46,9 +48,9 @@ def shown_above_noise(
 ) -> GateResult:
     """Is an effect that noise may imitate more than noise?
 
-    An effect passes if there would be a gap without it: the residual of some joint is then larger than its noise, or
-    has structure or events, which noise of any size does not have. It also passes if it gains more than chance on
-    joints that have a gap even with the largest possible noise. A stronger effect, or a quieter or longer recording,
+    An effect passes if there is a gap without it: the residual of some joint is then larger than the joint's noise, or
+    has structure or events, which noise of any size does not have. An effect also passes if it gains more than chance
+    on joints that have a gap even with the largest possible noise. A stronger effect, or a quieter or longer recording,
     would pass.
 
     Args:

@@ -1,4 +1,8 @@
-"""Gate of the distribution over time: does a gain come from more than one or two blocks of the recording?"""
+"""Gate of the distribution over time: does a gain come from more than one or two blocks of the recording?
+
+A block is a stretch of consecutive samples. The gain of an effect is the decrease of the squared residual by the
+effect.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +19,18 @@ SIGNIFICANT_ERRORS = 2.0
 # blocks: a gain that is not significant has to be large enough after this many of its best blocks are left out.
 BEST_BLOCKS = 2
 
-# blocks: the same for structure in the residual that no effect explains. Such structure may be rare, like a contact.
+# blocks: the same for structure in the residual that no effect explains. This structure may be rare, like a contact.
 BEST_BLOCKS_NAMELESS = 1
 
-# times the gain that the claim needs: a gain larger than this may come from few blocks.
+# times the gain that the claim needs: a gain larger than this passes even if it comes from few blocks.
 LARGE_GAIN = 10.0
 
-# share: an effect acts in a block if the energy of its columns there is above this share of the largest energy in any
-# block.
+# share: an effect acts in a block if the energy (sum of squares) of its columns there is above this share of the
+# largest energy in any block.
 ACTING = 0.1
 
-# share of the blocks: an effect with energy in fewer blocks is tested only in those where it acts. An example is half a
-# dozen events in a recording of twenty blocks.
+# share of the blocks: an effect with energy in fewer blocks passes if it gains in each block where it acts. An example
+# is half a dozen events in a recording of twenty blocks.
 RARE = 0.35
 
 

@@ -1,4 +1,4 @@
-"""The gate of possible sizes: are all sizes of a fit inside the range of their law?"""
+"""The gate of possible sizes: can all sizes that a fit gives to its effects exist?"""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ from identification.engine.claims import GateResult
 
 
 def possible_size(impossible: int) -> GateResult:
-    """Are all sizes of the fit inside the range of their law, and none at its bound?
+    """Are all sizes of the fit possible, such as friction that is not negative?
+
+    A fit limits each size to its possible range. If the data need an impossible size, the fit puts the size at a bound
+    where the effect makes no torque.
 
     Args:
-        impossible: Number of effects of the fit whose size is at a bound where they make no torque.
+        impossible: Number of effects of the fit with a size at such a bound.
     """
     return GateResult("possible size", float(impossible == 0), 0.0, "possible", impossible == 0)

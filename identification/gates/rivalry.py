@@ -1,5 +1,8 @@
 """The gates of rivals: is the finding the most probable cause among those of a plausible size?
 
+A rival is another cause that may explain the recordings in place of the finding. The cause that leads, finding or
+rival, is the one that a diagnosis names; the others are listed with their probabilities.
+
 ``benchmarks/blind/run.py`` prints how often the true cause is among finding and rivals, how many there are, and how
 reliable their probabilities are.
 """
@@ -8,21 +11,22 @@ from __future__ import annotations
 
 from identification.engine.claims import GateResult
 
-# share of the probability of the best cause. If the best cause consists of torques that cancel each other, causes
-# without such torques lead in its place if together they reach this share.
+# share of the probability of the best cause: if the torques of the best cause cancel each other, a cause whose torques
+# do not cancel leads in its place, provided that all these causes together reach this share.
 NEARLY_AS_LIKELY = 0.5
-# ratio: sum of the powers of several torques over the power of their sum. Above it the torques cancel each other: each
-# is then on average more than twice as large as their sum.
+# ratio: sum of the powers of several torques over the power of their sum. Above this ratio the torques count as
+# cancelling each other. For example, torques of 1 and -0.5 with a sum of 0.5 have a ratio of five.
 MOST_CANCELLED = 4.0
 
 
 def plausible_size(outside: float, unit: str, *, rival_is_plausible: bool) -> GateResult:
-    """Is the size of the finding plausible, if that of a rival is?
+    """If some rival has a plausible size, is the size of the finding plausible, too?
 
-    A size inside the range that the effect states as plausible passes. If no rival is plausible, any size passes.
+    A size inside the range that the effect states as plausible passes. If no rival has a plausible size, any size of
+    the finding passes.
 
     Args:
-        outside: Distance of the size from that range; zero inside the range.
+        outside: Distance of the finding's size from its plausible range; zero inside the range.
         unit: Unit of the size.
         rival_is_plausible: True if a rival has a plausible size.
     """
@@ -32,11 +36,11 @@ def plausible_size(outside: float, unit: str, *, rival_is_plausible: bool) -> Ga
 def likelier_than_rivals(own: float, rival: float, *, leads: bool) -> GateResult:
     """Is the finding more probable than each of the rivals that could be named in its place?
 
-    It would pass with a motion that separates the two, such as ``next_experiment`` proposes.
+    A true finding would pass with a motion that separates it from its rivals, such as ``next_experiment`` proposes.
 
     Args:
         own: Probability of the finding.
         rival: Probability of the most probable rival that could lead.
-        leads: False if that rival has to lead.
+        leads: True if the finding leads, False if a rival leads.
     """
     return GateResult("likelier than rivals", own, rival, "probability", leads)
