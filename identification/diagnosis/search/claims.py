@@ -1,7 +1,8 @@
 """Gates of the search, applied to effects in a set, and backward elimination of effects that fail them.
 
-A claim says that effects are there. A gate is a test that a claim has to pass. The gap is the squared residual of the
-given model beyond the noise.
+A claim says that effects are present. A gate is a test that a claim has to pass. The gap is the squared residual of the
+given model beyond the noise. The gain of a claim is the decrease of the loss (sum of squared residuals in units of the
+noise variance) when its effects are added to a set.
 """
 
 from __future__ import annotations
@@ -32,21 +33,22 @@ _MOST_TRIED = 12
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
     """Held-out gain that a claim needs: above chance, and a fair part of the gap on the joints where the claim gains.
 
-    An effect may have columns on a joint with a large gap, and gain on another joint only. Its gain counts on joints
-    where it is a fair part of the gap, or of the residual after the other effects of the set. If the set contains
-    corrections of inertial parameters, the gap is the residual after these, because their columns are exact.
+    An effect may have columns on a joint with a large gap, and gain on another joint only. So its gain is counted only
+    on joints where the gain is a fair part of the gap, or of the residual after the other effects of the set. If the
+    set contains corrections of inertial parameters, the gap is the residual after these, because their columns are
+    exact.
 
     Args:
         search: Thresholds of chance and gaps of the rows.
         terms: The claimed effects.
-        beside: Effects of the set without the claim.
+        beside: The other effects of the set.
         by_row: Gain on each joint, in any unit, ``(nv,)``.
     """
     parts = np.maximum(by_row, 0.0) / max(float(np.maximum(by_row, 0.0).sum()), 1e-300)
-    # Total gain at which the gain on each joint is a fair part of its gap.
+    # Total gain at which the gain on each joint is a fair part of the joint's gap.
     fair = _fair_part(search, beside) / np.maximum(parts, 1e-12)
     order = np.argsort(fair)
-    # At a total gain of ``fair[order][k]`` the gain on the first k + 1 joints counts. This part has to exceed chance.
+    # At a total gain of ``fair[order][k]`` the first k + 1 joints count. Their share of the gain has to exceed chance.
     counted = np.maximum(np.cumsum(parts[order]), 1e-12)
     least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
     return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.effect_joint, 0.0) for term in terms)
@@ -56,13 +58,13 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
     """Gain on each row that is a fair part of its gap, or of the residual after the other effects, ``(nv,)``."""
     gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
     if exact:
-        left = search.fits.row_losses(exact)
-        gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
+        gap_after_exact = search.fits.row_losses(exact) - row_counts(search.problem)
+        gap = np.minimum(gap, np.maximum(gap_after_exact, 0.0))
     fair = fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
     if not beside:
         return fair
-    left = np.maximum(search.fits.row_losses(beside) - row_counts(search.problem), 0.0)
-    return np.minimum(fair, np.maximum(fair_part.SHARE_OF_LEFT * left, search.rows.accuracy))
+    gap_after_others = np.maximum(search.fits.row_losses(beside) - row_counts(search.problem), 0.0)
+    return np.minimum(fair, np.maximum(fair_part.SHARE_OF_LEFT * gap_after_others, search.rows.accuracy))
 
 
 def passes_gates(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
@@ -82,23 +84,23 @@ def gate_results(search: Search, chosen: frozenset[Term], without: frozenset[Ter
 
 def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> Iterator[GateResult]:
     yield possible_size(int(search.score(chosen) >= IMPOSSIBLE))
-    rich, plain, new = search.held_out_fit(chosen), search.held_out_fit(without), chosen - without
+    with_new, without_new, new = search.held_out_fit(chosen), search.held_out_fit(without), chosen - without
     if any(term.effect.inertial == "free" for term in new):
-        possible = plain.objective - rich.objective
-        yield bodies_can_exist(possible, possible + rich.denied_gain, search.threshold.of(*new))
+        possible = without_new.objective - with_new.objective
+        yield bodies_can_exist(possible, possible + with_new.denied_gain, search.threshold.of(*new))
     # The smaller gain counts: a held-out gain exceeds the gain in sample only if a few held-out blocks agree by chance.
-    held_out = plain.total - rich.total
-    gain = min(held_out, plain.objective - rich.objective)
+    held_out = without_new.total - with_new.total
+    gain = min(held_out, without_new.objective - with_new.objective)
     yield more_than_chance(gain, search.threshold.of(*new))
     extra = search.price_of(chosen) - search.price_of(without)
-    by_row = plain.row_losses - rich.row_losses
+    by_row = without_new.row_losses - with_new.row_losses
     needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
     # Beside a near twin an effect gains little. If its torque is large enough, only the threshold of chance applies.
-    if _torque_beside_twins(new, without, rich) > needed:
+    if _torque_beside_twins(new, without, with_new) > needed:
         needed = min(needed, search.threshold.of(*new))
     yield fair_part_of_the_gap(gain, needed)
     yield in_enough_blocks(
-        plain.loss - rich.loss,
+        without_new.loss - with_new.loss,
         held_out,
         gain,
         needed,
@@ -107,7 +109,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     )
 
 
-def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: Fitted) -> float:
+def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], fitted: Fitted) -> float:
     """Squared torque of new effects that have a near twin in the set; zero without twins.
 
     The gain of one near twin beside the other is small even if its own torque is large, because the other twin explains
@@ -116,13 +118,13 @@ def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], rich: F
     if not any(are_near_twins(one, other) for one in new for other in without):
         return 0.0
     own = sorted({column for term in new for column in term.columns})
-    return float(rich.theta[own] @ rich.problem.total_a[np.ix_(own, own)] @ rich.theta[own])
+    return float(fitted.theta[own] @ fitted.problem.total_a[np.ix_(own, own)] @ fitted.theta[own])
 
 
 def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
     """Energy of the columns of effects in each block, as a share of that in the block with the largest energy.
 
-    It is set to zero in blocks where the columns are only rounding errors.
+    The share is set to zero in blocks where the columns are only rounding errors.
     """
     energy = problem.grams.core_a.diagonal(np.array(sorted({column for term in terms for column in term.columns})))
     share = energy / np.maximum(energy.max(axis=0), 1e-300)
@@ -130,7 +132,7 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
 
 
 def backward_elimination(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set without effects that fail the gates of a claim, removed one by one.
+    """The set after effects that fail the gates of a claim are removed one by one.
 
     If there are many effects, only those are tried whose removal raises the loss least. On a robot of many joints one
     step may remove several effects, if no two of them act on the same joint.
@@ -157,12 +159,13 @@ def least_needed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
     if len(terms) <= _MOST_TRIED:
         return terms
     found = search.held_out_fit(chosen)
-    cov, missed = found.cov, {}
+    cov, increase = found.cov, {}
     for term in terms:
         own = np.searchsorted(found.active, term.columns)
         x = found.theta[list(term.columns)]
-        missed[term] = float(x @ np.linalg.pinv(cov[np.ix_(own, own)], hermitian=True) @ x)
-    return tuple(sorted(terms, key=lambda term: missed[term])[:_MOST_TRIED])
+        # Increase of the loss if the coefficients of the effect are set to zero and all others are fitted again.
+        increase[term] = float(x @ np.linalg.pinv(cov[np.ix_(own, own)], hermitian=True) @ x)
+    return tuple(sorted(terms, key=lambda term: increase[term])[:_MOST_TRIED])
 
 
 def rows_touched_by(problem: Problem, term: Term) -> frozenset[int]:

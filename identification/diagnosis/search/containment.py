@@ -1,4 +1,7 @@
-"""Relations between effects: special cases of each other, and effects that exclude each other from a set."""
+"""Relations between effects: special cases of each other, sums, near twins, and effects that exclude each other.
+
+One law contains another, its special case, if it reduces to the other for some values of its parameters.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,8 @@ def contains(rich: Term, simple: Term) -> bool:
     """True if ``simple`` is a special case of ``rich``."""
     if rich is simple:
         return False
-    alike = simple.joint == rich.joint or simple.column_set == rich.column_set
-    return simple.column_set < rich.column_set or (alike and simple.effect.name in rich.effect.contains)
+    same_place = simple.joint == rich.joint or simple.column_set == rich.column_set
+    return simple.column_set < rich.column_set or (same_place and simple.effect.name in rich.effect.contains)
 
 
 def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
@@ -37,8 +40,8 @@ def _exclude(one: Term, other: Term) -> bool:
     - They are two shapes of one effect on one joint, or two laws on one joint that contain the same effect.
     - They are two torque constants with a joint in common: a joint has one torque constant.
     - One is a torque constant common to several joints, the other free parameters of a body. Together they can imitate
-      wrong friction on all these joints, as the body cancels the change of all other torques. A load cannot: its mass
-      and centre do not scale the torque of the links before it.
+      wrong friction on all these joints, as the body cancels the change of all other torques. A load does not exclude
+      the torque constant: its mass and centre do not scale the torque of the links before it.
     """
     for scale, bodies in ((one, other), (other, one)):
         if (is_of_many_joints(scale) and bodies.effect.inertial == "free") or scales_all_bodies(scale, bodies):
@@ -67,7 +70,7 @@ def can_join(chosen: frozenset[Term], term: Term) -> bool:
 
 
 def is_beside_parts(chosen: frozenset[Term], term: Term) -> bool:
-    """True for an effect with one parameter for several joints, if a set contains effects that may be parts of it."""
+    """True for an effect with one parameter for several joints, if the set contains effects that may be parts of it."""
     parts = (other for other in chosen if are_parts([other], term) and other.joint in joints_of(term))
     return is_of_many_joints(term) and any(parts)
 
@@ -78,10 +81,10 @@ def are_parts(parts: Iterable[Term], whole: Term) -> bool:
 
 
 def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
-    """Two cached functions of a term.
+    """Two cached functions of a term, `Search.displacing` and `Search.covering`.
 
-    The first gives the terms that remove the given term from a set when they are added, itself included. The second
-    gives the terms of which it is a special case.
+    The first gives the terms that, when added to a set, remove the given term from the set; the given term itself is
+    included. The second gives the terms of which the given term is a special case.
     """
     near: dict[object, list[Term]] = defaultdict(list)
     for term in terms:
@@ -101,7 +104,11 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
 
 
 def _keys(term: Term) -> tuple[object, ...]:
-    """Joints and columns of a term: related terms have one of these in common."""
+    """Joints and columns of a term: related terms have one of these in common.
+
+    Terms with a common parameter for several joints and terms of inertial parameters may exclude each other wherever
+    they are, so all of them have the key ``whole``.
+    """
     shared = tuple(("joint", joint) for joint in joints_of(term)) if term.effect.shared else ()
     whole = ("whole",) if term.effect.shared or term.effect.inertial is not None else ()
     return ("joint", term.joint), *shared, *whole, *term.columns
@@ -109,8 +116,8 @@ def _keys(term: Term) -> tuple[object, ...]:
 
 def are_near_twins(one: Term, other: Term) -> bool:
     """True if two effects make nearly the same torque (near twins), on one joint or one of them on the whole robot."""
-    names = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
-    return names and (one.joint == other.joint or None in (one.joint, other.joint))
+    are_twins = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
+    return are_twins and (one.joint == other.joint or None in (one.joint, other.joint))
 
 
 def is_nested(term: Term, others: frozenset[Term]) -> bool:

@@ -1,4 +1,8 @@
-"""Costs of rival sets of effects: prices and penalties."""
+"""Costs of sets of effects that are compared as rivals, and corrections that make the comparison fair.
+
+The cost of a set is the price of its parameters, plus the penalty on changes of the model within its tolerances that
+its fit needs. The cost is added to the held-out loss.
+"""
 
 from __future__ import annotations
 
@@ -15,30 +19,31 @@ from phantom_dyn.array_types import Array, Float
 
 
 def costs_of(
-    search: Search, sets: list[frozenset[Term]], twins: list[bool], free: Sequence[bool] = ()
+    search: Search, sets: list[frozenset[Term]], twins: list[bool], unnested: Sequence[bool] = ()
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
     """Cost of each set, price plus penalty on changes within tolerance, in two versions that count equally.
 
-    In the first version the whole penalty counts. Stated tolerances are only rough. So in the second version the
-    penalty of a set counts only as far as it differs from that of the first set by more than four, which is the penalty
-    of a change by two tolerances.
+    In the first version the whole penalty counts. Stated tolerances are only rough. So in the second version only
+    differences of the penalty from that of the first set count, less four, which is the penalty of a change by two
+    tolerances. A difference of six counts as two.
 
     Args:
-        search: Rivals.
+        search: Prices and fits of the sets.
         sets: The compared sets, that of the finding first.
-        twins: True for sets that get the price of the first set.
-        free: True for sets that get the price of the first set. If their price and their penalty differ from those of
-            the first set in opposite directions, they get its penalty, too: free inertias also take over errors of the
-            model within its tolerances. Empty: none.
+        twins: True for sets that make the same torque as the first set. They get its price.
+        unnested: True for sets with a law that neither contains the finding nor is its special case. They get the price
+            of the first set. If their price and their penalty differ from those of the first set in opposite
+            directions, they get its penalty, too: free inertias also take over errors of the model within its
+            tolerances. Empty: none.
     """
     prices = np.array([search.price_of(chosen) for chosen in sets])
     dearer = prices - prices[0]
     prices[twins] = prices[0]
     penalties = np.array([search.held_out_fit(chosen).penalty for chosen in sets])
     more = penalties - penalties[0]
-    if free:
-        prices[list(free)] = prices[0]
-        more = np.where(np.array(free) & (more * dearer < 0.0), 0.0, more)
+    if unnested:
+        prices[list(unnested)] = prices[0]
+        more = np.where(np.array(unnested) & (more * dearer < 0.0), 0.0, more)
     return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
 
 
@@ -54,15 +59,20 @@ def rarities_of(search: Search, sets: list[frozenset[Term]]) -> Float[Array, " m
 
 
 def weighted_by_rarity(shares: Float[Array, " m"], rarities: Float[Array, " m"]) -> Float[Array, " m"]:
-    """Probabilities of sets by the data, times the prior of the sizes in each set, ``(m,)``; with the same sum."""
+    """Probabilities of sets times the prior of the sizes in each set, ``(m,)``, scaled to the same sum as before.
+
+    Args:
+        shares: Probability of each set by the data alone.
+        rarities: Result of `rarities_of`.
+    """
     likely = shares * np.exp(-0.5 * (rarities - rarities.min()))
     return likely * (shares.sum() / likely.sum())
 
 
 def without_method_errors(
-    losses: Float[Array, "B m"], more: Float[Array, " m"], alike: Sequence[bool], gain: float
+    losses: Float[Array, "B m"], more: Float[Array, " m"], reduced: Sequence[bool], gain: float
 ) -> Float[Array, "B m"]:
-    """Losses of rivals, with their differences from the finding's loss reduced by the errors of the method.
+    """Losses of rivals whose differences from the finding's loss are reduced by the errors of the method.
 
     Derivatives, filters and the linearised tolerances have errors. So a difference between two causes that is a tiny
     part of what they explain is no evidence, even if it is far above the noise. A difference in favour of the set with
@@ -71,13 +81,13 @@ def without_method_errors(
     Args:
         losses: Held-out losses by block and set, that of the finding first.
         more: Number of parameters of each set minus that of the finding's set.
-        alike: True for sets to which this applies.
-        gain: Decrease of the loss by the finding.
+        reduced: True for sets whose difference is reduced.
+        gain: Decrease of the loss by the finding, of which the errors are a fixed share.
     """
     worse = losses - losses[:, :1]
     total = worse.sum(axis=0)
     kept = np.maximum(np.abs(total) - fair_part.ACCURACY * gain, 0.0) / np.maximum(np.abs(total), 1e-300)
-    return losses[:, :1] + worse * np.where(np.array(alike) & (total * more <= 0.0), kept, 1.0)
+    return losses[:, :1] + worse * np.where(np.array(reduced) & (total * more <= 0.0), kept, 1.0)
 
 
 def does_not_cancel(search: Search, chosen: Chosen) -> bool:
@@ -89,6 +99,6 @@ def does_not_cancel(search: Search, chosen: Chosen) -> bool:
     a, theta = search.problem.total_a, search.held_out_fit(chosen).theta
     each = [np.array(one.columns) for one in ordered(chosen)]
     every = np.concatenate(each)
-    whole = float(theta[every] @ a[np.ix_(every, every)] @ theta[every])
-    apart = sum(float(theta[own] @ a[np.ix_(own, own)] @ theta[own]) for own in each)
-    return apart <= rivalry.MOST_CANCELLED * whole
+    power_of_sum = float(theta[every] @ a[np.ix_(every, every)] @ theta[every])
+    sum_of_powers = sum(float(theta[own] @ a[np.ix_(own, own)] @ theta[own]) for own in each)
+    return sum_of_powers <= rivalry.MOST_CANCELLED * power_of_sum

@@ -1,9 +1,10 @@
-"""Test whether the fitted size of an effect is plausible.
+"""Tests whether the fitted size of an effect, such as the mass of a load, is plausible.
 
-No sound robot has a size outside of its plausible range. If a finding has such a size, a rival of a plausible size
-replaces it; without such a rival, the finding does not count for the verdict "explained". Each effect states the ranges
-that hold for every robot. This module adds ranges relative to the recorded torque and speed of the joint. A size counts
-as plausible if its uncertainty interval overlaps the range, as a slow motion hardly shows the mass of a load.
+No robot that works has a size outside of its plausible range. A finding of an implausible size is replaced by a rival
+of a plausible size; without such a rival, the finding does not count for the verdict "explained". Each effect states
+the ranges that hold for every robot. This module adds ranges relative to the recorded torque and speed of the joint. A
+size counts as plausible if its uncertainty interval overlaps the range, because the size may be uncertain: a slow
+motion, for example, hardly shows the mass of a load.
 """
 
 from __future__ import annotations
@@ -18,13 +19,12 @@ from identification.diagnosis.search.containment import joints_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect, Parameter
 
-# Standard deviations by which a size has to be outside of its range.
+# A size is implausible if it is outside of its range by more than this many of its standard deviations.
 _DEVIATIONS = 2.0
 
-
-# Upper end of the ranges of friction: of dry friction in largest recorded torques, of viscous friction in largest
-# recorded torques over largest recorded speed. The reasons below allow one of these; it is doubled because the recorded
-# torque may be half the true one.
+# Upper end of the plausible range of friction: of dry friction in units of the largest recorded torque of the joint, of
+# viscous friction in units of this torque over the largest recorded speed. By the reasons below friction of more than
+# one unit is implausible; two are allowed because the recorded torque may be half the true one.
 _MOST = 2.0
 _BY_TORQUE = (
     "a drive that moves a joint gives its friction at least, and this is more than twice the largest torque that was "
@@ -51,13 +51,13 @@ def implausible_size(
         return None
     parameters = term.effect.parameters(session.robot, term.joint)
     values = _sizes(session, term, theta, len(parameters))
-    reach = np.zeros_like(values) if cov is None else _DEVIATIONS * _deviations(session, term, theta, cov, values)
-    for stated, own, may_err in zip(parameters, values, reach, strict=True):
+    margins = np.zeros_like(values) if cov is None else _DEVIATIONS * _deviations(session, term, theta, cov, values)
+    for stated, own, margin in zip(parameters, values, margins, strict=True):
         parameter = _limited(session, term, stated)
         if parameter.plausible is None:
             continue
         low, high = parameter.plausible
-        outside = own[(own + may_err < low) | (own - may_err > high)]
+        outside = own[(own + margin < low) | (own - margin > high)]
         if len(outside):
             return parameter, float(outside[0])
     return None
@@ -110,7 +110,7 @@ def _deviations(
 
 
 def _limited(session: Session, term: Term, parameter: Parameter) -> Parameter:
-    """The parameter with the range by the recorded torque and speed, if that range ends below the effect's own."""
+    """The parameter; its range ends at the limit by recorded torque and speed if the effect's own range ends higher."""
     rows = [session.robot.joint_names.index(one) for one in joints_of(term) if one in session.robot.joint_names]
     by_speed = parameter.unit in ("N m s/rad", "N s/m")
     of_friction = by_speed or (term.effect.rubs and parameter.unit in ("N m", "N"))

@@ -1,4 +1,7 @@
-"""Record of the gates that each effect passed or failed in search and judge, from which the ledger is made."""
+"""Record of the gates that each effect passed or failed in search and judge, from which the ledger is made.
+
+The ledger lists all effects that were claimed at any time, with the gates that they passed or failed.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ class Record:
     def copy_for_trial(self) -> Record:
         """A copy for a trial whose decisions may be discarded."""
         out = Record()
-        out._results = {cause: dict(results) for cause, results in self._results.items()}
+        out._results = {effect_joint: dict(results) for effect_joint, results in self._results.items()}
         out._replacements = dict(self._replacements)
         return out
 

@@ -1,4 +1,8 @@
-"""Points about which nonlinear laws are linearised for the next search: found effects and their best rivals."""
+"""Points about which nonlinear laws are linearised for the next search: found effects and their best rivals.
+
+A shape holds the parameters in which a law is nonlinear, such as the time of a delay. A search tries a grid of shapes,
+and fits each linearised law. The next search tries shapes near those of the effects found here.
+"""
 
 from __future__ import annotations
 
@@ -22,30 +26,28 @@ def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect,
 
 
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
-    """Rivals with a shape that gain nearly as much as a finding, or nearly enough for a claim.
+    """Effects with a shape that gain nearly as much as a finding in its place, or nearly enough for a further claim.
 
-    One of them may be the true effect. It may gain less than a wrong effect with more parameters only because the grid
-    of shapes is coarse, or because its law was linearised far from the true size.
+    One of them may be the true effect. A true effect may gain less than a wrong effect with more parameters only
+    because the grid of shapes is coarse, or because the law was linearised far from the true size.
     """
     taken = {term.effect_joint for term in chosen}
     shaped = tuple(term for term in search.terms if term.named and term.shape and term.effect_joint not in taken)
     out: dict[tuple[str, str | None], FoundEffect] = {}
-    # For each finding, the rivals in its place; for None, further effects beside the whole set.
+    # For each finding, its rivals; for None, effects that are added to the whole set.
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
-        won = None if finding is None else search.gains(remaining, (finding,))[finding]
+        finding_gain = None if finding is None else search.gains(remaining, (finding,))[finding]
         rivals = tuple(term for term in shaped if search.can_join(remaining, term))
-        least = 0.0 if won is None else rules.RUNNER_UP * won
+        least = 0.0 if finding_gain is None else rules.RUNNER_UP * finding_gain
         gains = search.gains(remaining, rivals, above=least, instead_of=finding)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
-            if (
-                gains[term] >= rules.RUNNER_UP * (search.threshold.of(term) if won is None else won)
-                and len(best) < _MOST_CLOSE
-            ):
+            compared = search.threshold.of(term) if finding_gain is None else finding_gain
+            if gains[term] >= rules.RUNNER_UP * compared and len(best) < _MOST_CLOSE:
                 best.setdefault(term.effect_joint, term)
-        for cause, term in best.items():
-            out.setdefault(cause, _found_effect(search.held_out_fit(with_term(remaining, term)), term))
+        for effect_joint, term in best.items():
+            out.setdefault(effect_joint, _found_effect(search.held_out_fit(with_term(remaining, term)), term))
     return tuple(out.values())
 
 

@@ -1,4 +1,7 @@
-"""Odds of laws with more parameters against a finding that is their special case."""
+"""Odds of laws with more parameters ("richer laws") against a finding that is their special case.
+
+The odds of a law are its probability divided by the probability of the finding.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +31,13 @@ def odds_of_richer_laws(
 ) -> dict[tuple[EffectJoint, ...], float]:
     """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
 
-    A law is not ruled out if its fit does not differ from the special case. For example, friction that falls at the
-    lowest speeds shows only if the joint is that slow. So odds are averaged over all shapes of a law, including shapes
-    that the recording hardly shows. A law of plausible size has odds of one against a finding of implausible size, such
-    as a load of negative mass.
+    A law whose fit does not differ from the special case is not ruled out. For example, a recording shows friction that
+    falls at the lowest speeds only if the joint is that slow. So odds are averaged over all shapes of a law, including
+    shapes that the recording hardly shows. A law of plausible size has odds of one against a finding of implausible
+    size, such as a load of negative mass.
 
     Args:
-        search: Rivals.
+        search: Candidates and fits of sets.
         chosen: A set of effects.
         term: One of them, the finding.
         barred: Laws, with their joints, that do not differ from a simpler one.
@@ -68,7 +71,7 @@ def _bounded_odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
     """Odds of a set against one with a special case of one of its laws, at most one.
 
     If the columns of the law do not include those of the special case, the odds are also at most twice the probability
-    that other blocks would favour the law.
+    that the law would predict other blocks better. This follows from the scatter of the held-out losses over blocks.
     """
     odds = min(odds_of_richer(search, chosen, rich), 1.0)
     columns = {column for one in chosen for column in one.columns}
@@ -87,18 +90,19 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
     """
     problem, found = search.problem.of(chosen), search.held_out_fit(chosen)
     more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
-    old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
+    replaced = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
     a = problem.total_a
-    energy = float(found.theta[old] @ a[np.ix_(old, old)] @ found.theta[old])
+    energy = float(found.theta[replaced] @ a[np.ix_(replaced, replaced)] @ found.theta[replaced])
     own = np.diag(a)[more]
     if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
         return 0.0
     cross, made, gradient = project_off_fit(problem, found, more)
-    left = a[np.ix_(more, more)] - cross.T @ made
+    projected = a[np.ix_(more, more)] - cross.T @ made
+    # From here on coefficients are in units of their prior standard deviation.
     size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
-    shown = np.eye(len(more)) + left * np.outer(size, size)
-    pull = gradient * size
-    log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
+    precision = np.eye(len(more)) + projected * np.outer(size, size)
+    slope = gradient * size
+    log_odds = 0.5 * float(slope @ np.linalg.solve(precision, slope)) - 0.5 * float(np.linalg.slogdet(precision)[1])
     return float(np.exp(min(log_odds, 0.0)))
 
 

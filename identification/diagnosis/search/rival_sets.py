@@ -1,4 +1,7 @@
-"""Rivals of a finding: other effects that may explain the recordings in its place, with their probabilities."""
+"""Rivals of a finding: other effects that may explain the recordings in its place, with their probabilities.
+
+The most probable cause, finding or rival, leads: the diagnosis names it as the finding.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +29,7 @@ from identification.diagnosis.search.richer_laws import has_plausible_sizes, odd
 from identification.diagnosis.search.same_torque import exact_twins, same_torque
 from identification.diagnosis.search.search import IMPOSSIBLE, Search
 from identification.diagnosis.search.special_cases import simplest_effects
-from identification.diagnosis.search.swaps import (
-    explained_loss,
-    relevant_alternatives,
-    with_replacement,
-)
+from identification.diagnosis.search.swaps import explained_loss, relevant_alternatives, with_replacement
 from identification.engine import contract_levels
 from identification.engine.claims import GateResult, until_failed
 from identification.engine.resampling import Costs, probabilities
@@ -38,7 +37,7 @@ from identification.gates import fair_part, rivalry
 from identification.gates.rivalry import likelier_than_rivals, plausible_size
 from phantom_dyn.array_types import Array, Float
 
-# A plausible cause replaces a finding of implausible size if it explains at least this share of what the finding does.
+# A plausible cause replaces a finding of implausible size if its gain is at least this share of the finding's gain.
 _MOSTLY = 0.5
 # Largest number of passes over all findings.
 _PASSES = 3
@@ -75,15 +74,15 @@ def compare_with_rivals(
 ) -> RivalComparison:
     """Compare a finding with all effects and sets of effects that could replace it.
 
-    The probability of a cause is the share of bootstrap replicates over blocks in which its set has the lowest cost.
+    The probability of a cause is the share of bootstrap replicates over blocks in which the set with this cause has the
+    lowest cost (loss plus price). Sets with equal predictions share a replicate.
 
     A robot that was diagnosed before is known to be sound. There a new finding of an implausible size has the
-    probability zero, if other causes of plausible sizes explain most of it.
+    probability zero, if other causes of plausible sizes explain most of the finding's part of the gap.
 
-    An effect with more parameters that contains the finding is a rival only if these lower the held-out loss. It leads
-    in a replicate only if they gain more there than their price and the errors of the method. Sets with equal
-    predictions share a replicate. The effect need not pass the threshold of chance over the whole catalogue, because
-    there are few laws of one kind on one joint.
+    An effect with more parameters that contains the finding is a rival only if these parameters lower the held-out
+    loss. It wins a replicate only if they gain more there than their price and the errors of the method. It need not
+    pass the threshold of chance over the whole catalogue, because there are few laws of one kind on one joint.
 
     Prices of parameters count as follows:
 
@@ -95,13 +94,13 @@ def compare_with_rivals(
     - A fitted law that does not differ from one of its special cases counts as that special case.
 
     Args:
-        search: Rivals.
+        search: Candidates, fits and scores of sets.
         chosen: A set of effects.
         term: The finding, one of these effects.
         barred: Laws, with their joints, that do not differ from a simpler one. As parts of a sum they may be rivals.
-        other_conditions: Searches over the same rivals under conditions that should not matter, such as another band.
-            If there are any, the comparison is repeated with each of them and on each half of the blocks, and
-            probabilities are means over all of these.
+        other_conditions: Searches over the same candidates under conditions that should not matter, such as another
+            frequency band. If there are any, the comparison is repeated with each of them and on each half of the
+            blocks, and probabilities are means over all repetitions.
         losses_beyond: For sets with a rival that is compared on a part of the data only: held-out loss of each block
             minus that of ``chosen``, penalty included. They replace losses and costs of these sets in all searches.
     """
@@ -130,16 +129,16 @@ def compare_with_rivals(
     if len(losses_of) == 1 and not richer:
         return RivalComparison(1.0, (), gates=(likelier_than_rivals(1.0, 0.0, leads=True),))
     keys = list(losses_of)
-    apart = {key for key, others in replacing.items() if not is_nested(term, others)}
+    unnested = {key for key, others in replacing.items() if not is_nested(term, others)}
     fitted = [chosen if key in exact else key for key in keys]
-    # Losses of the sets in ``beyond`` include their costs already, so they get those of the finding.
+    # Losses of the sets in ``beyond`` include their costs already, so these sets get the costs of the finding.
     priced = [chosen if key in beyond else key for key in fitted]
-    is_twin, is_apart = ([key in some for key in keys] for some in (twins, apart))
+    is_twin, is_unnested = ([key in some for key in keys] for some in (twins, unnested))
     effects = {key: _replacing_effects(search, chosen, others, key, exact) for key, others in replacing.items()}
     # Only laws with a shape have errors of linearisation.
-    within_errors = [key in apart and any(one.shape for one in (term, *replacing[key])) for key in keys]
+    within_errors = [key in unnested and any(one.shape for one in (term, *replacing[key])) for key in keys]
     more = np.array([search.sizes_of(one) - search.sizes_of(chosen) for one in fitted], dtype=float)
-    # Loss that was added to that of the fit, such as the errors of the method for laws with more parameters.
+    # Losses that were added to those of the fits, such as the errors of the method for laws with more parameters.
     added = [losses_of[key] - search.held_out_fit(one).loss for key, one in zip(keys, fitted, strict=True)]
 
     def losses_and_costs(fits: Search) -> tuple[Float[Array, "B m"], Costs]:
@@ -148,7 +147,7 @@ def compare_with_rivals(
             own + beyond[one] if one in beyond else fits.held_out_fit(one).loss + more_loss
             for one, more_loss in zip(fitted, added, strict=True)
         ]
-        costs = (*costs_of(fits, priced, is_twin), *costs_of(fits, priced, is_twin, is_apart))
+        costs = (*costs_of(fits, priced, is_twin), *costs_of(fits, priced, is_twin, is_unnested))
         gain = explained_loss(fits, chosen, term)
         return without_method_errors(np.array(held_out).T, more, within_errors, gain), costs
 
@@ -199,18 +198,19 @@ def _candidate_sets(
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[Chosen]]:
     """Held-out losses, by block, of the set and of all sets with another cause in place of a finding.
 
-    A set is left out if it is far worse in all bands. One band is not enough: where noise is white, frequencies above
-    the judged band have the same weight as others, and a small error of the model there could exclude the true cause.
+    A set is left out if it is far worse in all frequency bands. One band is not enough: where noise is white,
+    frequencies above the judged band (where findings are tested) have the same weight as others, and a small error of
+    the model there could exclude the true cause.
     The search with wider tolerances is not used for this, because wide tolerances may explain the whole gap by
     themselves, and then no set is far worse.
 
     Args:
-        search: Rivals.
+        search: Candidates, fits and scores of sets.
         chosen: A set of effects.
         term: The finding, one of these effects.
         barred: Laws, with their joints, that do not differ from a simpler one.
-        other_conditions: Searches over the same rivals under other conditions.
-        sound: False if a finding of implausible size is to be replaced by any cause that explains most of it.
+        other_conditions: Searches over the same candidates under other conditions.
+        sound: False if any cause with at least half of the finding's gain may replace a finding of implausible size.
 
     Returns:
         Losses by set; for each set the effects in place of the finding; and laws with more parameters.
@@ -258,7 +258,7 @@ def _replacing_effects(
 ) -> tuple[EffectJoint, ...]:
     """Effects and joints that replace a finding; a law that does not differ from a special case counts as that case.
 
-    The result is empty if both sets then have the same effects.
+    The result is empty if the sets with and without the replacement then have the same effects.
     """
     if swapped in exact:
         return tuple(other.effect_joint for other in ordered(others))
@@ -299,31 +299,32 @@ def _leader(
     """The set with the rival that leads in place of the finding, None if the finding leads; and results of the gates.
 
     Args:
-        search: Rivals.
-        chosen: A set of effects.
-        term: The finding, one of these effects.
+        search: Fits of sets.
+        chosen: A set of effects with the finding ``term``.
+        term: The finding.
         own: Probability of the finding.
         kept: Probability of each listed rival.
         best_sets: The whole set with the best score for each listed rival.
     """
     if not best_sets:
         return None, (likelier_than_rivals(own, 0.0, leads=True),)
-    # Whole set and new effects of each cause; the key of the finding is ().
-    new = {(): (chosen, frozenset([term]))} | {at: (key, key - chosen) for at, key in best_sets.items()}
+    # Whole set and new effects of each cause, by the effects and joints of the cause, which are () for the finding.
+    sets = {(): (chosen, frozenset([term]))} | {at: (key, key - chosen) for at, key in best_sets.items()}
     # If an earlier diagnosis of this robot did not find an effect of its build, the robot hardly has that effect now.
     # Loads, friction and controllers differ between recordings. So if one of these explains a new finding, it leads.
-    built = {at for at, (_, own) in new.items() if search.problem.session.known and any(e.effect.built_in for e in own)}
-    is_sound = {at: has_plausible_sizes(search, key, own) and at not in built for at, (key, own) in new.items()}
+    known = bool(search.problem.session.known)
+    built = {at for at, (_, new) in sets.items() if known and any(one.effect.built_in for one in new)}
+    is_sound = {at: has_plausible_sizes(search, key, new) and at not in built for at, (key, new) in sets.items()}
     shares = {(): own} | {at: kept[at] for at in best_sets}
     sine = bool(search.problem.session.in_one_sine)
     # In a motion of one sine, causes whose torques do not cancel each other lead if together they are likely enough.
-    plain = {at for at in shares if sine and does_not_cancel(search, best_sets.get(at, chosen))}
-    if sum(shares[at] for at in plain) < rivalry.NEARLY_AS_LIKELY * max(shares.values()):
-        plain = set()
+    preferred = {at for at in shares if sine and does_not_cancel(search, best_sets.get(at, chosen))}
+    if sum(shares[at] for at in preferred) < rivalry.NEARLY_AS_LIKELY * max(shares.values()):
+        preferred = set()
 
     def rank(at: tuple[EffectJoint, ...]) -> tuple[bool, bool, float, int, bool]:
         # Of equally probable sets the one with fewer effects leads.
-        return is_sound[at], at in plain, shares[at], -len(best_sets.get(at, chosen)), at == ()
+        return is_sound[at], at in preferred, shares[at], -len(best_sets.get(at, chosen)), at == ()
 
     first = max(shares, key=rank)
     outside, unit = _excess_of_range(search, chosen, term)

@@ -1,4 +1,4 @@
-"""Causes that make the same torque in a recording, which no comparison of residuals can separate."""
+"""Tests whether two causes make the same torque in the recordings, so that residuals cannot separate them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from identification.diagnosis.search.swaps import can_make_torque, with_replacem
 def same_torque(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
     """True if each of two causes can make the torque of the other in these recordings.
 
-    It is false if one law contains the other by definition, as `compare_with_rivals` treats these separately. It is
-    also false for free inertial parameters, which contain every effect that moves with the links.
+    The result is False if one law contains the other by definition, as `compare_with_rivals` treats these pairs
+    separately. It is also False for free inertial parameters, which contain every effect of the links' motion.
 
     Args:
         search: Fits of sets.
@@ -27,25 +27,26 @@ def same_torque(search: Search, term: Term, chosen: Chosen, others: Chosen, swap
         return False
     if term.effect.inertial == "free":
         return False
-    one, two = list(term.columns), sorted({column for other in others for column in other.columns})
-    theta, swapped_theta = search.held_out_fit(chosen).theta[one], search.held_out_fit(swapped).theta[two]
-    # If the finding displaces the links, its replacement has its columns at the positions that the encoders read.
+    own, theirs = list(term.columns), sorted({column for other in others for column in other.columns})
+    own_theta, their_theta = search.held_out_fit(chosen).theta[own], search.held_out_fit(swapped).theta[theirs]
+    # If the finding displaces the links, columns of its replacement are computed at the positions that the encoders
+    # read.
     search = search.of(swapped)
-    return can_make_torque(search, one, theta, two, rules.SAME_CAUSE) and can_make_torque(
-        search, two, swapped_theta, one, rules.SAME_CAUSE
+    return can_make_torque(search, own, own_theta, theirs, rules.SAME_CAUSE) and can_make_torque(
+        search, theirs, their_theta, own, rules.SAME_CAUSE
     )
 
 
 def exact_twins(search: Search, chosen: Chosen, term: Term) -> dict[Chosen, Chosen]:
     """The set with an exact twin in place of a finding, mapped to the effects of the twin; empty without a twin.
 
-    A twin is an effect that is the sum of the finding and others in the set on its joint. Free bodies are a twin of a
-    torque scale common to all joints, if the set contains friction: the scale changes inertias, loads and friction all
-    alike, so wrong bodies of all links and the friction make the same torque.
+    An exact twin is a law that equals the sum of the finding and other effects of the set on the same joint. Free
+    bodies are an exact twin of a torque scale common to all joints, if the set contains friction: the scale changes
+    inertias, loads and friction all alike, so wrong bodies of all links and the friction make the same torque.
     """
-    here = {other.effect.name for other in chosen if other.joint == term.joint}
+    names_on_joint = {other.effect.name for other in chosen if other.joint == term.joint}
     for rich in search.terms:
-        if contains(rich, term) and has_parts(rich, here):
+        if contains(rich, term) and has_parts(rich, names_on_joint):
             return {with_replacement(chosen, term, search.alone[rich]): search.alone[rich]}
     for bodies in search.terms:
         if scales_all_bodies(term, bodies):

@@ -1,7 +1,9 @@
-"""Candidate effects of a diagnosis ("rivals"), and the score by which sets of them are compared.
+"""Candidate effects of a diagnosis, and the score by which sets of them are compared.
 
-The score is the held-out loss plus a price for each parameter, as in BIC. A claim says that an effect is there. It has
-to gain more on held-out data than the best effect of the whole catalogue, or of one joint, gains by chance.
+The loss of a set is the weighted sum of squared residuals after a fit of its effects. Its score is the loss on held-out
+data plus a price for each parameter, as in BIC. The gain of an effect is the decrease of the loss when the effect is
+added to a set. A claim says that an effect is present: it has to gain more on held-out data than the best effect of the
+whole catalogue, or of one joint, gains by chance.
 """
 
 from __future__ import annotations
@@ -26,13 +28,13 @@ from identification.gates import above_chance
 
 # From this number of joints on, effects on different joints are added, swapped and removed in one step, to save time.
 _MANY_JOINTS = 10
-# Largest number of sets per joint that all searches of a diagnosis may fit: on a robot with fewer joints, and on one
-# with that many. A real TX40 needed 792, a biped with a payload (seed 316 of `benchmarks.legged`) 180, by
+# Largest number of sets per joint that all searches of a diagnosis may fit: on a robot with fewer than `_MANY_JOINTS`
+# joints, and on other robots. A real TX40 needed 792, a biped with a payload (seed 316 of `benchmarks.legged`) 180, by
 # `benchmarks/search_fits.py`.
 _MOST_FITS, _MOST_FITS_OF_MANY = 4000, 600
-# Largest number of rivals whose in-sample gain is computed by a fit and not only estimated.
+# Largest number of candidates whose in-sample gain is computed by a fit and not only estimated.
 _MOST_FITTED = 30
-# Smallest estimated gain of such a rival, as a share of the largest one.
+# A candidate is fitted only if its estimated gain is above this share of the largest estimated gain.
 _WORTH_FITTING = 0.2
 # A gain is estimated with coefficients held at their active bounds. The gain of a fit may be this many times larger.
 _RELEASED = 2.0
@@ -65,17 +67,18 @@ def joint_of(term: Term) -> str | None:
 
 @dataclass(frozen=True)
 class Search:
-    """Rivals of one problem and the scores of sets of them.
+    """Candidate effects of one problem and the scores of sets of them.
 
     Attributes:
         problem: The problem that is fitted.
-        terms: All rivals.
-        sizes: Number of parameters of each rival that change the torque independently (rank of its columns).
-        fits: Fits of sets of rivals, each made once.
-        displacing: Gives the rivals that remove a rival from a set when they are added, itself included; cached.
-        covering: Gives the rivals of which a rival is a special case; cached.
+        terms: All candidates, each an effect on one joint with one shape.
+        sizes: Number of parameters of each candidate that change the torque independently (rank of its columns).
+        fits: Fits of sets of candidates, each made once.
+        displacing: Function from a candidate to the candidates that, when added to a set, remove it from the set;
+            the candidate itself is included. Cached.
+        covering: Function from a candidate to the candidates of which it is a special case. Cached.
         threshold: Held-out gains that claims need.
-        rows: Gap of each row: an effect on a row with a large gap has to close a fair part of it.
+        rows: Gap of each row (joint): an effect on a joint with a large gap has to close a fair part of it.
         spurious: Gain that encoder noise alone gives each effect, by its name and joint.
         record: Decisions on each effect.
         near: Cache of `swaps.relevant_alternatives`: alternatives of each effect that act on one of its joints.
@@ -101,7 +104,7 @@ class Search:
 
     @cached_property
     def alone(self) -> dict[Term, frozenset[Term]]:
-        """For each rival the set that contains it alone."""
+        """For each candidate the set that contains it alone."""
         return {term: frozenset([term]) for term in self.terms}
 
     def of(self, chosen: frozenset[Term]) -> Search:
@@ -148,8 +151,8 @@ class Search:
             chosen: The set to which a term is added.
             terms: The terms, one of which is added at a time.
             above: Gain below which an estimate is good enough.
-            instead_of: A finding that the terms may replace. The ratio of its fitted to its estimated gain is expected
-                of the terms, too.
+            instead_of: A finding that the terms may replace. The estimates of the terms are expected to be too small by
+                the same factor as the estimate of the finding.
         """
         gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
@@ -216,8 +219,8 @@ def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
     out: dict[Term, int] = {}
     a = problem.grams.everything
     for count in {len(term.columns) for term in terms}:
-        alike = [term for term in terms if len(term.columns) == count]
-        index = np.array([term.columns for term in alike])
+        same_size = [term for term in terms if len(term.columns) == count]
+        index = np.array([term.columns for term in same_size])
         scale = np.sqrt(np.einsum("tkk->tk", a[index[:, :, None], index[:, None, :]]))
         not_zero = scale > 1e-9 * np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
         # A column of zeros adds nothing to the rank.
@@ -225,9 +228,9 @@ def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
         normal = a[index[:, :, None], index[:, None, :]] * inverse[:, :, None] * inverse[:, None, :]
         values = np.linalg.eigvalsh(normal)
         ranks = np.sum(values > 1e-7 * np.maximum(values[:, -1:], 1e-300), axis=1)
-        for term, rank in zip(alike, ranks.tolist(), strict=True):
-            more = 0 if term.effect.shape_is_estimate or not rank else len(term.shape)
-            out[term] = min(rank + more, term.size)
+        for term, rank in zip(same_size, ranks.tolist(), strict=True):
+            shape_parameters = 0 if term.effect.shape_is_estimate or not rank else len(term.shape)
+            out[term] = min(rank + shape_parameters, term.size)
     return out
 
 
@@ -257,7 +260,7 @@ def set_up_search(
 
 
 def with_wide_tolerances(search: Search) -> Search:
-    """The search with three times the stated tolerances of the model, and the same rivals and prices."""
+    """The search with three times the stated tolerances of the model, and the same candidates and prices."""
 
     def widened(problem: Problem) -> Problem:
         nuisance = np.arange(len(problem.precision)) < problem.nuisance_count

@@ -1,4 +1,9 @@
-"""Tests of a fitted law against its special cases: whether it differs from a simpler law, or from no effect."""
+"""Tests whether a fitted law differs from its special cases: simpler laws, or no effect at all.
+
+A special case holds if certain numbers, computed from the fit, are zero. For example, Stribeck friction is Coulomb
+friction if its excess at rest is zero. The certainty of a difference is one minus the p-value of Wald's test that these
+numbers are zero.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +19,21 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.rival import SpecialCase
 from phantom_dyn.model.robot import Robot
 
-# Eigenvalues of a covariance below this share of the largest one are rounding errors.
+# Eigenvalues of a covariance below this share of the largest one are rounding errors, and not inverted.
 _RANK = 1e-9
-# Accuracy with which coefficients reach their bounds.
+# A number of at most this size counts as zero, because fits reach the bounds of coefficients with this accuracy.
 _END = 1e-12
 
 
 def certainty_of_difference(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
-    """Probability that estimates of zeros would be nearer to zero than these numbers are (Wald's test)."""
+    """Probability that estimates would be nearer to zero than these numbers are if the true numbers were zero.
+
+    It is one minus the p-value of Wald's test.
+
+    Args:
+        numbers: Estimates that are zero in a special case.
+        cov: Their covariance.
+    """
     from scipy.special import chdtr
 
     if not np.any(numbers):
@@ -57,9 +69,9 @@ def nearest_case(robot: Robot, term: Term, fitted: FullFit) -> tuple[float, tupl
 
 
 def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
-    """Effects and joints of the simplest law that describes a fitted term: its own law, or a special case of it.
+    """Effects and joints of the simplest law that describes a fitted term: the term's law, or a special case of it.
 
-    The result is None if the fit does not differ from zero, or has an impossible size. Shapes count as known.
+    The result is None if the special case is no effect at all. Shapes count as known.
     """
     nearest = nearest_case_at_shape(robot, term, fitted)
     if nearest is None or differs_from_simpler(nearest[0]).passed:
@@ -92,9 +104,9 @@ def nearest_case_at_shape(
 
 
 def _cases_of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
-    """Special cases that an effect becomes at another shape, which a fit with fixed shapes cannot test.
+    """Special cases of an effect that hold at certain shapes, which a fit with fixed shapes cannot test.
 
-    Their numbers change if the shape is scaled by one per cent.
+    The numbers of these cases change if the shape is scaled by one per cent.
     """
     at, near = (
         term.effect.special_cases(robot, term.joint, theta, tuple(scale * one for one in term.shape))
@@ -124,10 +136,16 @@ def _nearest(
     names: tuple[str, ...] | None = None,
     excluded: frozenset[tuple[str, ...]] = frozenset(),
 ) -> tuple[float, tuple[str, ...]] | None:
-    """Certainty and effects of the first special case from which the numbers ``x`` do not differ, else of the nearest.
+    """Certainty and effects of the first special case from which a fit does not differ; without one, of the nearest.
 
-    A special case has some numbers that are zero if the case holds. Their covariance follows from that of ``x`` to
-    first order, by finite differences.
+    The covariance of the numbers of a case follows from that of ``x`` to first order, by finite differences.
+
+    Args:
+        cases: Function from parameters to the special cases of the law, with their numbers.
+        x: Fitted parameters.
+        cov: Their covariance.
+        names: Effects of the only special case that is tested; None: all cases are tested.
+        excluded: Special cases that are not tested, by their effects.
     """
     step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))
     shifted, tested = [cases(x + row) for row in np.diag(step)], list[tuple[float, tuple[str, ...]]]()

@@ -4,8 +4,10 @@ Effects are added in the order of their held-out gains. They are removed when th
 simpler or better ones. Then structures without a name (they match no effect of the catalogue) are added to the set, or
 replace effects that only resemble them.
 
-The score of a set is its held-out loss plus the price of its parameters; a smaller score is better. The search records
-each decision as the result of a gate; in this file ``stays`` is the result of the present set against another one.
+The score of a set is its held-out loss plus the price of its parameters; a smaller score is better. The gain of an
+effect is the decrease of the loss when the effect is added to a set. The search records each decision as the result of
+a gate, a test that an effect has to pass. In this file ``stays`` is the result of the gate that compares the present
+set with another one: the present set stays if it passes.
 """
 
 from __future__ import annotations
@@ -31,10 +33,10 @@ from identification.gates.above_chance import more_than_chance
 from identification.gates.exchange import explains_more_than_others
 from identification.stages import Announcement, Progress, Stage
 
-# Largest number of rivals that one step tests on held-out data: those with the largest in-sample gains.
+# Largest number of candidates that one step tests on held-out data: those with the largest in-sample gains.
 _MOST_JUDGED = 24
-# The same where the best rival nearly always has one of the largest in-sample gains: for effects below the threshold of
-# chance, structures without a name, and the first effects of `_with_other_starts`.
+# The same where the best candidate nearly always has one of the largest in-sample gains: for effects below the
+# threshold of chance, structures without a name, and the first effects of `_with_other_starts`.
 _FEW_JUDGED = 8
 # `_with_other_starts` is used for robots with at most this many joints.
 _MOST_JOINTS_BEGUN = 3
@@ -51,20 +53,20 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
     one takes many times as long.
 
     Args:
-        search: Problem, rivals, threshold.
+        search: Problem, candidates, threshold.
         progress: Is called at the beginning of each stage.
         start: Effects that an earlier search has found.
     """
     # After the earlier search, laws were linearised again about its result, so that another law may now fit better.
     # Swaps come first: otherwise effects would be added that only correct the errors of a wrong law.
     chosen = with_swaps(search, backward_elimination(search, frozenset(term for term in start if term.named)))
-    links = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
+    inertias = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
     constants = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
-    if links is not None or constants:
-        chosen = _improved_without(search, constants | {links}, chosen, progress)
-    if links is not None and links not in chosen:
-        chosen = _alone_if_better(search, links, chosen)
-    if links is not None and constants:
+    if inertias is not None or constants:
+        chosen = _improved_without(search, constants | {inertias}, chosen, progress)
+    if inertias is not None and inertias not in chosen:
+        chosen = _alone_if_better(search, inertias, chosen)
+    if inertias is not None and constants:
         chosen = _improved_without(search, constants, chosen, progress)
     chosen = _with_other_starts(search, _improved(search, chosen, progress), progress)
     return with_nameless(search, chosen, progress)
@@ -112,8 +114,8 @@ def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progre
     """The set, or a better one from a search that begins with another effect, if a joint moves in one sine.
 
     In one sine the torque of a joint is given by two numbers: its amplitudes in phase and out of phase with the motion.
-    Suppose that of two true effects each causes one of them, and a wrong effect both. Then the wrong effect gains most
-    by itself and is added first, and beside it the true effects gain nothing.
+    Suppose that each of two true effects makes one of these amplitudes, and a wrong effect makes both. Then the wrong
+    effect gains most by itself and is added first. In a set with the wrong effect the true effects gain nothing.
     """
     sines = search.problem.session.in_one_sine
     if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
@@ -144,9 +146,9 @@ def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[T
 
     The effect gains more than its price, but its gain may be below the threshold of chance.
     """
-    rivals = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
-    in_sample_gains = search.gains(chosen, rivals, above=0.0)
-    most_promising = sorted(rivals, key=lambda term: -in_sample_gains[term])[:_FEW_JUDGED]
+    candidates = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
+    in_sample_gains = search.gains(chosen, candidates, above=0.0)
+    most_promising = sorted(candidates, key=lambda term: -in_sample_gains[term])[:_FEW_JUDGED]
     sets = [with_term(chosen, term) for term in most_promising if _beats_small_parts(search, chosen, term)]
     best = min(sets, key=search.score, default=None)
     return best if best is not None and search.score(best) < search.score(chosen) else None
@@ -158,17 +160,17 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
     The gain of an effect in sample is larger than on held-out data. So effects are tested on held-out data in the order
     of their gains in sample, until no further one can be better than the best so far.
 
-    After each addition, unnecessary effects are removed. Without these the added effect may become unnecessary, too, so
-    that a set may repeat. Then the best set since its first occurrence is returned.
+    After each addition, unnecessary effects are removed. Then the added effect may become unnecessary, too, and the
+    search returns to an earlier set. If so, the result is the best set since the first occurrence of that set.
     """
     seen = [chosen]
     while True:
         progress(Announcement(Stage.RIVALS_TRIED, detail={"found": len(chosen)}))
         score = search.score(chosen)
-        rivals = [term for term in search.terms if term.named and search.can_join(chosen, term)]
-        in_sample_gains = search.gains(chosen, tuple(rivals), above=0.0)
+        candidates = [term for term in search.terms if term.named and search.can_join(chosen, term)]
+        in_sample_gains = search.gains(chosen, tuple(candidates), above=0.0)
         best, largest_gain = None, 0.0
-        ranked = sorted(rivals, key=lambda term: -in_sample_gains[term])
+        ranked = sorted(candidates, key=lambda term: -in_sample_gains[term])
         for term in ranked[:_MOST_JUDGED]:
             if in_sample_gains[term] < largest_gain:
                 break
@@ -199,10 +201,10 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
     inertial parameters explain a little of any missing effect, and fits with a torque constant take very long.
 
     Args:
-        search: Rivals.
+        search: Fits and scores of sets.
         chosen: The set with the best effect of this step.
         best: The best effect of this step.
-        ranked: Rivals in the order of their in-sample gains, the largest first.
+        ranked: Candidates in the order of their in-sample gains, the largest first.
     """
     joints = {best.joint}
     for term in ranked:
@@ -215,7 +217,7 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
 
 
 def _with_claimed(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set with a claimed effect, without those that it replaces; both are recorded."""
+    """The set with a claimed effect, without the effects that it replaces; the claim and replacements are recorded."""
     together = with_term(chosen, term)
     margin = search.score(chosen) - search.score(together)
     search.record.add_failed(chosen - together, explains_more_than_others(-margin), replaced_by=[term])
@@ -226,10 +228,10 @@ def _with_claimed(search: Search, chosen: frozenset[Term], term: Term) -> frozen
 def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set with effects of single joints in place of a law of many joints, if they explain more.
 
-    Such a law gains most at first, because it explains a little of the effects of all joints. It is a law with more
-    parameters than the robot has joints (free inertial parameters explain wrong rotor inertias), or one torque constant
-    for several joints (which explains wrong friction on all of them). No swap of one effect for another removes such a
-    law, so the search is repeated without it.
+    A law of many joints has more parameters than the robot has joints (free inertial parameters, which explain wrong
+    rotor inertias), or is one torque constant for several joints (which explains wrong friction on all of them). It
+    gains most at first, because it explains a little of the effects of all joints. No swap of one effect for another
+    removes it, so the search is repeated without it.
     """
     for term in ordered(chosen):
         has_many_parameters = search.sizes[term] > len(search.problem.columns.rows)
@@ -299,10 +301,10 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
 def _better_with_structure(
     search: Search, chosen: frozenset[Term], accuracy: float
 ) -> dict[frozenset[Term], GateResult]:
-    """Sets with one more structure that are better than a set, each with the result of the gate that the set failed.
+    """Sets with one more structure that are better than a set, each with the gate result by which the set loses to it.
 
     Args:
-        search: Rivals.
+        search: Fits and scores of sets.
         chosen: The set.
         accuracy: Gain that a structure may owe to inaccuracies of the laws that it replaces.
     """
@@ -339,7 +341,7 @@ def _least_nameless_gain(
     imitate what the structure describes.
 
     Args:
-        search: Rivals.
+        search: Number of parameters of each effect, and the threshold of chance.
         structure: A structure without a name.
         replaced: Effects that the structure makes unnecessary.
         accuracy: Gain that the structure may owe to inaccuracies of the laws that it replaces.

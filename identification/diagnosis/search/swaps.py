@@ -1,4 +1,7 @@
-"""Swaps of the stepwise search: an effect of the set is replaced by one or several that are better or simpler."""
+"""Swaps of the stepwise search: an effect of the set is replaced by one or several that are better or simpler.
+
+Sets are compared by their score, the held-out loss plus the price of their parameters. ``chosen`` is the present set.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ from phantom_dyn.array_types import Array, Float
 _WORTH_TRYING = 8
 # The same for the swaps on each set of joints, if the robot has many joints.
 _TRIED_EACH = 3
-# Largest number of parts of an effect of which every sum is tried.
+# Of an effect with at most this many parts, every sum of parts is tried; with more parts, only pairs and the whole sum.
 _ALL_SUMS = 3
 
 
@@ -86,15 +89,16 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
         chosen: The current set.
         ranked: Sets that differ from it by a swap, the most promising first.
     """
-    now, touched, tried = chosen, frozenset[int](), Counter[frozenset[int]]()
+    current, touched, tried = chosen, frozenset[int](), Counter[frozenset[int]]()
     for other in ranked:
         changed = chosen ^ other
         rows = frozenset[int]().union(*(rows_touched_by(search.problem, term) for term in changed))
         if rows.isdisjoint(touched) and tried[rows] < _TRIED_EACH:
             tried[rows] += 1
-            if _is_better(search, now ^ changed, now):
-                now, touched = now ^ changed, touched | rows
-    return now
+            # The same swap in the current set, which may contain swaps on other joints by now.
+            if _is_better(search, current ^ changed, current):
+                current, touched = current ^ changed, touched | rows
+    return current
 
 
 def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
@@ -121,15 +125,15 @@ def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term
 
 
 def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set with one parameter for several joints in place of one for each joint, if it explains as much."""
+    """The set with one parameter for several joints in place of one for each joint, if the set explains as much."""
     single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
     for term in search.terms:
         own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
         if len(own) < 2 or len(own) < len(joints_of(term)) or not chosen.issuperset(own):
             continue
         other = with_term(chosen, term)
-        allowed = fair_part.ACCURACY * sum(explained_loss(search, chosen, one) for one in own)
-        worth = worth_its_numbers(search.score(other) - search.score(chosen), allowed)
+        accuracy = fair_part.ACCURACY * sum(explained_loss(search, chosen, one) for one in own)
+        worth = worth_its_numbers(search.score(other) - search.score(chosen), accuracy)
         if not worth.passed:
             search.record.add_failed(chosen - other, worth, replaced_by=[term])
             search.record.add_passed([term])
@@ -145,9 +149,9 @@ def explained_loss(search: Search, chosen: frozenset[Term], term: Term) -> float
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     """Sets of effects that may replace ``term``: single effects, special cases, and sums of effects.
 
-    An effect between two joints makes the same torque as friction on both, if both move alike, and it has fewer
-    parameters. So it is compared with all sets of such friction. A torque constant scales all torques of its drive. So
-    it is compared with sums of effects that make these torques.
+    An effect between two joints makes the same torque as friction on both joints if these move alike, and has fewer
+    parameters. So an effect between two joints is compared with all sets of friction on both. A torque constant scales
+    all torques of its drive. So a torque constant is compared with sums of effects that make these torques.
     """
     single = [
         search.alone[other]
@@ -204,16 +208,16 @@ def parts_of(search: Search, term: Term) -> list[Term]:
 def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
     """Pairs of a near twin of an effect, which makes nearly the same torque, with a further effect.
 
-    A law with more parameters may contain the effect or its twin. The further effect is another part of that law, as
-    without it the twin would seem worse than it is. It may also be the effect itself, as twins gain little beside each
-    other.
+    The further effect may be another part of a law with more parameters that contains the effect or its twin: without
+    this part the twin would seem worse than it is. The further effect may also be the replaced effect itself, because
+    the gain of a twin that is added to the other one is too small for a claim.
     """
-    own = [other for other in search.terms if other.joint == term.joint]
+    on_joint = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]
     names = {term.effect.name, *(twin.effect.name for twin in twins)}
-    richer = [other.effect for other in own if names & set(other.effect.contains)]
-    beside = {name for effect in richer for name in effect.contains} - names
-    pairs = [(twin, other) for twin in twins for other in own if other.effect.name in beside]
+    richer = [other.effect for other in on_joint if names & set(other.effect.contains)]
+    further = {name for effect in richer for name in effect.contains} - names
+    pairs = [(twin, other) for twin in twins for other in on_joint if other.effect.name in further]
     return [frozenset(pair) for pair in (*pairs, *((term, twin) for twin in twins))]
 
 
@@ -226,7 +230,7 @@ def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
 
 
 def can_make_torque(
-    search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = fair_part.ACCURACY
+    search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], most_left: float = fair_part.ACCURACY
 ) -> bool:
     """True if the columns ``by`` can make the torque ``columns @ theta``, within the accuracy of the method.
 
@@ -235,12 +239,12 @@ def can_make_torque(
         columns: Columns that make the torque.
         theta: Their coefficients.
         by: The other columns, fitted to that torque.
-        left: Largest allowed share of the squared torque in the residual of that fit.
+        most_left: Largest allowed squared residual of that fit, as a share of the squared torque.
     """
     a = search.problem.total_a
     energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
     cross = a[np.ix_(by, columns)] @ theta
-    return energy - float(cross @ solve(a[np.ix_(by, by)], cross)) < left * energy
+    return energy - float(cross @ solve(a[np.ix_(by, by)], cross)) < most_left * energy
 
 
 def relevant_alternatives(
@@ -266,11 +270,11 @@ def relevant_alternatives(
         others for others in search.near[term] if all(remaining.isdisjoint(search.covering(other)) for other in others)
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
-    lost = explained_loss(search, chosen, term)
+    explained = explained_loss(search, chosen, term)
     # The estimated gains of nonlinear laws may have errors of a few per cent.
-    least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
-    promised = search.gains(remaining, singles, above=least, instead_of=term)
-    return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
+    least = explained - price(search.sizes[term]) - max(slack, 0.05 * explained)
+    gains = search.gains(remaining, singles, above=least, instead_of=term)
+    return tuple(others for others in near if len(others) > 1 or gains.get(next(iter(others)), -np.inf) >= least)
 
 
 def with_replacement(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
