@@ -1,4 +1,4 @@
-"""Estimates the autocorrelation of noise up to the lag at which it is lost in estimation errors.
+"""Estimates the autocorrelation of noise, up to the lag at which its estimate is no longer larger than its error.
 
 The method is Geyer's initial positive sequence.
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array, Float
 
-_FEWEST = 8  # samples below which no autocorrelation is estimated
+_FEWEST = 8  # samples: a shorter series counts as uncorrelated
 
 
 def lagged_products(series: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -1,4 +1,7 @@
-"""Thresholds for the gain that the best of many columns reaches by chance, and random residuals to estimate them."""
+"""Thresholds for the gain that the best of many columns reaches by chance, and random residuals to estimate them.
+
+The gain of a column is the decrease of the sum of squared residuals when the column is fitted to the residual.
+"""
 
 from __future__ import annotations
 
@@ -35,6 +38,9 @@ def squares_by_chance(count: int, free: float, wrong: float) -> float:
 
 
 def shuffled_pieces(pieces: Sequence[Float[Array, " n"]], rng: np.random.Generator) -> Float[Array, " N"]:
-    """Pieces of a series, joined in random order and with random signs; the spectrum of each piece does not change."""
+    """Pieces of a series, joined in random order and with random signs.
+
+    Each piece keeps its spectrum, so that the result resembles the series but has no relation to the columns.
+    """
     order = rng.permutation(len(pieces))
     return np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in order])

@@ -1,4 +1,8 @@
-"""Claims of a diagnosis: tested causes with the results of the gates that each of them passed or failed."""
+"""Claims of a diagnosis: tested causes with the results of the gates that each of them passed or failed.
+
+A claim says that a cause is present in the recordings. A gate is a test that a claim has to pass. The gain of a cause
+is the decrease of the squared residual, in units of the noise variance, when the cause is added to a fit.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ Outcome = Literal["claimed", "minor", "not_claimed", "displaced"]
 Data = Literal["torques", "poses", "rests"]
 
 NEVER_CLAIMED = 10
-"""Largest number of causes without a claim in a ledger (the list of all claims): those with the largest gain."""
+"""A ledger lists all claims, and at most this many causes that were never claimed: those with the largest gain."""
 # An unclaimed cause counts as displaced by a claimed one only if alone it reaches this share of that one's gain.
 _LEAST_SHARE_OF_GAIN = 0.2
 
@@ -71,7 +75,7 @@ class Claim(Generic[Name]):
 
 
 def could_stand_for(lone_gain: float, needed: float, added_gain: float, claimed_gain: float) -> bool:
-    """True if an unclaimed cause counts as displaced by a claimed one: it gains much alone, but little beside it.
+    """True if an unclaimed cause counts as displaced by a claimed one: it gains much alone, but little after the other.
 
     Args:
         lone_gain: Gain of the unclaimed cause without the claimed one.

@@ -1,6 +1,7 @@
 """Computes probabilities of rival answers by a block bootstrap: how often each answer has the lowest cost.
 
-Blocks of samples are drawn with replacement, because neighbouring blocks are nearly independent and neighbouring
+An answer is a set of effects that may explain the recordings. Its cost in a replicate is its held-out loss plus its
+price. Blocks of samples are drawn with replacement, because neighbouring blocks are nearly independent and neighbouring
 samples are not. In each replicate the answer with the lowest cost wins. The bootstrap is repeated with each half of the
 blocks, and with other settings that should not matter, such as another frequency band. The probability of an answer is
 the share of the replicates that it wins, averaged over these repetitions.
@@ -27,7 +28,7 @@ SAME_PREDICTIONS = 0.05
 """Difference of scores (held-out squares in units of the noise variance) up to which two answers count as equal."""
 
 LEAST_IN_HALF = 4
-"""Least number of blocks of a half for which the bootstrap is repeated."""
+"""The bootstrap is repeated with each half of the blocks only if a half has at least this many blocks."""
 
 Costs = Sequence[Float[Array, " m"]]
 Lead = Callable[[Float[Array, "R m"]], Float[Array, " m"]]

@@ -19,7 +19,7 @@ Player = TypeVar("Player", bound=Hashable)
 
 _EXACT = 7  # largest number of players for exact values: each further player doubles the number of sets
 _ORDERS = 4  # number of random orders; the reverse of each is used, too
-_ENOUGH = 0.005  # standard error at which a value is accurate enough; the worth of all players is about one
+_ENOUGH = 0.005  # largest standard error of a value that is accurate enough; the worth of all players is about one
 _ENOUGH_BY_ORDERS = 0.5 * _ENOUGH  # largest standard error of a mean over orders that is not replaced by a regression
 _MOST = 100  # largest number of random sets per player; the complement of each is used, too
 
@@ -100,29 +100,29 @@ def _regressed(
         return worth(chosen) - worth(everybody - chosen) - known
 
     sets = [*np.eye(count, dtype=bool)]
-    answers = [worth_minus_complement(inside) for inside in sets]
+    differences = [worth_minus_complement(inside) for inside in sets]
     total = worth(everybody) - values[~unknown].sum()
     while True:
         for size in rng.choice(sizes[1:-1], size=count, p=of_larger):
             inside = np.zeros(count, dtype=bool)
             inside[rng.permutation(count)[:size]] = True
             sets.append(inside)
-            answers.append(worth_minus_complement(inside))
+            differences.append(worth_minus_complement(inside))
         drawn = len(sets) - count
         each = np.repeat([2 * weight[0] / count, weight[1:-1].sum() / drawn], [count, drawn])
-        found, error = _weighted_fit(np.where(sets, 1.0, -1.0)[:, unknown], np.array(answers), each, total, drawn)
+        found, error = _weighted_fit(np.where(sets, 1.0, -1.0)[:, unknown], np.array(differences), each, total, drawn)
         if (drawn > count and error.max() <= _ENOUGH) or drawn >= _MOST * count:
             return found
 
 
 def _weighted_fit(
-    signs: Float[Array, "s u"], answers: Float[Array, " s"], weight: Float[Array, " s"], total: float, drawn: int
+    signs: Float[Array, "s u"], right: Float[Array, " s"], weight: Float[Array, " s"], total: float, drawn: int
 ) -> tuple[Float[Array, " u"], Float[Array, " u"]]:
     """Weighted least squares under the constraint that the coefficients have the sum ``total``.
 
     Args:
-        signs: Regressors.
-        answers: Right side.
+        signs: Regressors: one for a player in the set of a row, else minus one.
+        right: Right side of each row: worth of the set minus worth of its complement.
         weight: Weight of each row.
         total: Sum of the coefficients.
         drawn: Number of rows, counted from the last one, that were drawn at random.
@@ -135,9 +135,9 @@ def _weighted_fit(
     bordered[count, count] = 0.0
     bordered[:count, :count] = (signs * weight[:, None]).T @ signs
     inverse = np.linalg.inv(bordered)
-    found = (inverse @ np.append((signs * weight[:, None]).T @ answers, total))[:count]
-    pull = ((weight * (answers - signs @ found))[:, None] * signs)[-drawn:]
-    pull -= pull.mean(axis=0)
+    found = (inverse @ np.append((signs * weight[:, None]).T @ right, total))[:count]
+    slopes = ((weight * (right - signs @ found))[:, None] * signs)[-drawn:]
+    slopes -= slopes.mean(axis=0)
     # The last factor accounts for the degrees of freedom of the fit: residuals are smaller than errors.
-    spread = inverse[:count, :count] @ (pull.T @ pull) @ inverse[:count, :count] * len(signs) / (len(signs) - count)
-    return found, np.sqrt(np.diag(spread))
+    cov = inverse[:count, :count] @ (slopes.T @ slopes) @ inverse[:count, :count] * len(signs) / (len(signs) - count)
+    return found, np.sqrt(np.diag(cov))

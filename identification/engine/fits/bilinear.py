@@ -1,7 +1,8 @@
-"""Gram matrices of a model in which the gain of a row's measured torque is fitted, too.
+"""Gram matrices of a model in which a factor (gain) of a row's measured torque is fitted, too.
 
-A gain multiplies the other coefficients of its row. The fit is therefore bilinear, and is iterated: with the gain of
-the last iteration the columns of the row are rescaled, and the problem is linear again.
+A row holds the samples of one joint. A gain multiplies the other coefficients of its row. The fit is therefore
+bilinear, and is iterated: with the gain of the last iteration the columns of the row are rescaled, and the problem is
+linear again.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class HeldOut:
     """Products for the fits without one fold each, and the held-out losses.
 
     Attributes:
-        a: Columns times columns over the blocks of each fold, ``(F, k, k)``.
+        a: Columns times columns over the blocks of each fold, ``(F, k, k)``. A fit without the fold subtracts them.
         b: Columns times residual over the blocks of each fold, ``(F, k)``.
         losses: Function from the coefficients for each block, ``(B, k)``, to the weighted squared residual of each
             block's core, ``(B,)``.
@@ -162,12 +163,12 @@ def _row_losses(
     """
     row, core_a = problem.grams.rows[scaling.row], problem.grams.core_a
     in_row, places, gain_place, coefficients = _gain_parts(problem, active, scaling)
-    excess, given = scaling.gain - 1.0, x[:, places]
-    converted = scaling.gain * given + given[:, gain_place : gain_place + 1] * coefficients
-    converted[:, gain_place] = given[:, gain_place]
+    excess, own = scaling.gain - 1.0, x[:, places]
+    converted = scaling.gain * own + own[:, gain_place : gain_place + 1] * coefficients
+    converted[:, gain_place] = own[:, gain_place]
     line, column = row.core_b[:, in_row], core_a.column_of_row(scaling.row, in_row, gain_place)
-    square = core_a.squares_of_row(scaling.row, in_row, converted) - core_a.squares_of_row(scaling.row, in_row, given)
-    cross = np.einsum("bk,bk->b", line - excess * column, converted) - np.einsum("bk,bk->b", line, given)
+    square = core_a.squares_of_row(scaling.row, in_row, converted) - core_a.squares_of_row(scaling.row, in_row, own)
+    cross = np.einsum("bk,bk->b", line - excess * column, converted) - np.einsum("bk,bk->b", line, own)
     return square - 2 * cross - 2 * excess * line[:, gain_place] + excess**2 * column[:, gain_place]
 
 

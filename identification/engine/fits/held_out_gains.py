@@ -1,6 +1,7 @@
 """Computes the held-out gain of many sets of columns on many residuals at once.
 
-The residuals are, for example, simulated noise: the gains show what a column gains by chance.
+The gain of a set is the decrease of the held-out loss when the set is added to a fit of the nuisances. The residuals
+are, for example, simulated noise: then the gains are those that columns reach by chance.
 """
 
 from __future__ import annotations
@@ -35,23 +36,24 @@ def gains_on_residuals(
     *folds, whole = fold_projections(problem)
     for fold, part in enumerate(folds):
         products, held = right - b[fold], core_b[fold]
+        # Coefficients of the nuisances alone.
         base = solve(part.inner, products[nuisances])
-        # From here on both are products with the columns projected off the nuisances.
+        # Now both become products of the columns projected off the nuisances, `held` with the residual of this fit.
         products = products - part.made.T @ products[nuisances]
         inside, across = part.core
         held = held - part.made.T @ held[nuisances] - (across.T - part.made.T @ inside) @ base
         for which, columns, (total, less, core) in alike:
             x = solve_each(part.training(columns, total - less[fold]), products[columns])
             gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
-    # A set of columns also lowers the prior penalty of the nuisances.
+    # A set of columns also changes the prior penalty of the nuisances: the decrease is part of the gain.
     base = solve(whole.inner, right[nuisances])
     products = right - whole.made.T @ right[nuisances]
-    costly = problem.precision[nuisances, None] * whole.made
-    relieved = costly.T @ base
+    weighted = problem.precision[nuisances, None] * whole.made
+    penalty_slope = weighted.T @ base
     for which, columns, (total, _, _) in alike:
-        made, weighed = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, costly))
+        made, own_weighted = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, weighted))
         x = solve_each(whole.training(columns, total), products[columns])
-        gains[which] += (x * (2 * relieved[columns] - (weighed.mT @ made) @ x)).sum(axis=1)
+        gains[which] += (x * (2 * penalty_slope[columns] - (own_weighted.mT @ made) @ x)).sum(axis=1)
     return gains
 
 

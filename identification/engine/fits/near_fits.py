@@ -17,7 +17,7 @@ import numpy as np
 from identification.engine.fits.problem import LinearProblem
 from identification.engine.fits.projection import gains_within
 from identification.engine.fits.solved_set import PastFit, SolvedSet, marked, quadratic
-from identification.engine.numerics.held_minimum import answers_among
+from identification.engine.numerics.held_minimum import responses_among
 from identification.engine.numerics.tableau import tableau
 from identification.engine.numerics.tableau_changes import ChangedMinimum, changed
 from phantom_dyn._kernels.jit import fused
@@ -27,10 +27,12 @@ Array = np.ndarray
 
 # A set that differs from all solved sets by more columns and active bounds than this is solved fully.
 _MOST_DIFFERENCES = 60
-# Numbers of solved sets and of earlier fits that are kept. A new fit starts from the most similar of each.
+# Numbers of solved sets and of earlier fits that are kept. A new fit is computed from the most similar solved set, and
+# tries the active bounds of the most similar earlier fit first.
 _KEPT_SETS = 4
 _KEPT_FITS = 100
-# A change of a coefficient that changes the loss by at most this share is rounding.
+# A change of a coefficient is rounding if it changes the loss by at most this share of the largest such change, or of
+# one if that is larger.
 _ROUNDING_SHARE = 1e-14
 
 
@@ -119,7 +121,7 @@ class NearFits:
         minima = self._minima(solved, active, held_out=held_out)
         if all(one.converged for one in minima):
             return solved, minima
-        # The nearest solved set differs so much that rounding errors are too large.
+        # The nearest solved set differs so much that rounding errors are too large: solve the set itself.
         solved = self._solve(active)
         return solved, self._minima(solved, active, held_out=held_out)
 
@@ -228,7 +230,7 @@ class _ProjectedColumns:
         slope_by_action[:, ~is_solved] = products_with_entered[:, places[~is_solved] - n]
         flipped_by_wanted = slope_by_action[:, :flipped].copy()
         flipped_by_wanted[:, is_solved[:flipped]] = response[:, places[:flipped][is_solved[:flipped]]]
-        among_flipped = answers_among(solved.whole, entered, found.flipped)
+        among_flipped = responses_among(solved.whole, entered, found.flipped)
         self._cross, self._response = cross[:, free], response[:, free]
         self._slope_by_flipped = slope_by_action[:, :flipped]
         self._flipped_response = np.linalg.solve(among_flipped, flipped_by_wanted.T).T

@@ -13,7 +13,7 @@ Array = np.ndarray
 
 
 class LinearProblem(Protocol):
-    """Products of all columns with priors and bounds of their coefficients; each client of the engine has its own."""
+    """Products of all columns, with priors and bounds of their coefficients; each client of the engine has its own."""
 
     @property
     def grams(self) -> Grams:

@@ -1,4 +1,8 @@
-"""Gains of many sets of columns, each added to one fit: the added columns are projected off those of the fit."""
+"""Gains of many sets of columns, each added to one fit: the added columns are projected off those of the fit.
+
+The gain of a set is the decrease of the loss when the set is added. To project a column off others means to subtract
+the combination of the others that fits it best, so that the rest is orthogonal to them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The full solution of one set of columns, with the arrays from which fits of similar sets are computed."""
+"""The full solution of one set of columns, with the arrays from which fits of similar sets are computed.
+
+A column is held if its coefficient is at a bound. A column enters if it is in the similar set, but not in this one.
+"""
 
 from __future__ import annotations
 
@@ -115,11 +118,12 @@ class SolvedSet:
         return marked(self.columns[self.whole.held], len(self.problem.precision))
 
     def differences(self, wanted: Bool[Array, " K"], similar: PastFit | None) -> int:
-        """Number of columns by which a set differs from this one, or that are at a bound in only one of the two.
+        """Number of columns that are in only one of this set and another, or at a bound in only one of their fits.
 
         Args:
             wanted: True for each of all columns that is in the other set.
-            similar: An earlier fit that resembles the other set, for its active bounds; None if there is none.
+            similar: An earlier fit of a set similar to the other one, whose active bounds are used; None if there is
+                none.
         """
         differs = self.inside != wanted
         if similar is not None:

@@ -12,6 +12,7 @@ from phantom_dyn.array_types import Array, Float
 # solved. It is smaller than the rounding errors of the products.
 _RIDGE = 1e-12
 # Largest number of steps that exchange all wrong bounds at once, and of the following steps that each lower the loss.
+# After the last step the present point is returned.
 _AT_ONCE, _DESCENDING = 10, 400
 # A multiplier (the slope of the loss at a bound) counts as having the wrong sign from this size on.
 _WRONG = 1e-9

@@ -1,6 +1,7 @@
 """Minimum of a changed quadratic problem for a given set of held unknowns, from the tableau of the solved problem.
 
-Held unknowns are fixed at a value, the others are free. The method is the Schur complement method for quadratic
+A changed problem has further unknowns (the entering ones), or other unknowns that are held. Held unknowns are fixed at
+a value, the others are free. The method is the Schur complement method for quadratic
 programs (Gill, Murray, Saunders and Wright, 1990): the size of the linear system is the number of changes, not that of
 the problem. The code is compiled, because a search solves about a hundred thousand of these systems.
 
@@ -19,7 +20,8 @@ from identification.engine.numerics.tableau import RIDGE, Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Array, Float, Int
 
-# Largest number of Newton steps that remove rounding errors, and the gain of a step from which on they have converged.
+# Largest number of Newton steps that remove rounding errors, and the decrease of the loss by a step at or below which
+# the steps have converged.
 _CORRECTED, _SMALL = 8, 0.01
 
 
@@ -72,7 +74,7 @@ def minimum(solved: Tableau, entering: Entering, held: Array, value: Array) -> H
         index = indices[j]
         action[j] = (value[index] if held[index] else 0.0) - state[index]
     if flips:
-        action[:flips] = np.linalg.solve(answers_among(solved, entering, indices[:flips]), action[:flips].copy())
+        action[:flips] = np.linalg.solve(responses_among(solved, entering, indices[:flips]), action[:flips].copy())
     for j in range(flips):
         _add_responses(solved, entering, indices[j], action[j], state)
     x, slope = np.empty(v), np.zeros(v)
@@ -154,7 +156,7 @@ def _correction(solved: Tableau, entering: Entering, force: Array, held: Array, 
     if k:
         for j in range(k):
             action[j] = force[flipped[j]] - out[flipped[j]]
-        action = np.linalg.solve(answers_among(solved, entering, flipped), action)
+        action = np.linalg.solve(responses_among(solved, entering, flipped), action)
         for j in range(k):
             _add_responses(solved, entering, flipped[j], action[j], out)
     for i in range(v):
@@ -195,7 +197,7 @@ def _add_responses(solved: Tableau, entering: Entering, index: int, action: floa
 
 
 @fused
-def answers_among(solved: Tableau, entering: Entering, indices: Array) -> Array:
+def responses_among(solved: Tableau, entering: Entering, indices: Array) -> Array:
     """Responses of the states of some unknowns to a unit action on each of them, one column per action, ``(k, k)``."""
     out = np.empty((len(indices), len(indices)))
     for j in range(len(indices)):

@@ -1,8 +1,9 @@
 """Tableau (principal pivot transform) of a quadratic problem that is solved within bounds.
 
-A free unknown is between its bounds, a held one at a bound. The tableau holds the responses of all unknowns to a force
-on each free unknown (a change of the linear part) and to a shift of each held one. From these `tableau_changes.py`
-computes the minimum of a problem with additional unknowns, or without some of them.
+A free unknown is between its bounds, a held one at a bound. The tableau holds responses: the changes of the values of
+all free unknowns, and of the slopes of the loss at all held ones, by a unit force on each free unknown (a change of the
+linear part) and by a unit shift of each held one. From the responses `tableau_changes.py` computes the minimum of a
+problem with additional unknowns, or without some of them.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ class Entering(NamedTuple):
         cross: Entries of the quadratic part between the entering unknowns and those of the solved problem, ``(m, n)``.
         response: Response of the solved problem's unknowns to a shift of each entering one, ``(m, n)``.
         square: Entries of the quadratic part among the entering unknowns, ``(m, m)``.
-        schur_complement: Second derivatives of the loss by the entering unknowns, if the free unknowns of the solved
-            problem follow, ``(m, m)``.
+        schur_complement: Second derivatives of the loss by the entering unknowns, while the free unknowns of the solved
+            problem minimise the loss, ``(m, m)``.
         slope: Derivative of the loss by each entering unknown at zero, ``(m,)``.
         scale: Unit of each entering unknown, ``(m,)``.
     """

@@ -17,7 +17,8 @@ from identification.engine.numerics.tableau import Entering, Tableau
 from phantom_dyn._kernels.jit import fused
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-# Largest number of active-set steps, and of successive block exchanges that do not lower the number of wrong bounds.
+# Largest number of active-set steps, and of block exchanges in a row that do not lower the number of wrong bounds.
+# After more exchanges the active-set method is used; after more steps the problem counts as not converged.
 _STEPS, _TRIES = 300, 3
 # A multiplier (the slope of the loss at a bound) counts as having the wrong sign from this size on.
 _WRONG = 1e-9

@@ -1,1 +1,1 @@
-"""Computes products of columns and residual by block of samples; all fits use these products, not the samples."""
+"""Computes products of columns and residual, summed over each block of samples; fits use these, not the samples."""

@@ -1,4 +1,9 @@
-"""Gram matrices of columns and residual by block and by fold; all fits use these instead of samples."""
+"""Gram matrices of columns and residual by block and by fold; all fits use these instead of samples.
+
+A row holds the samples of one joint (or coordinate). A column touches a row if it is not zero there. A fold is a set of
+blocks that are held out together. The core of a block leaves out its first samples, which share noise with the previous
+block; held-out losses are computed on cores.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +28,8 @@ class Weights:
     Attributes:
         floor: Noise floor of each row, in the unit of the row, ``(nv,)``.
         spread: Number of samples of coloured noise with the information of one sample of white noise, ``(nv,)``.
-        trust: Factor of each sample's residual, for each log ``(n, nv)``; None if all factors are one.
+        trust: Factor of each sample's residual, below one for samples that count less, for each log ``(n, nv)``; None
+            if all factors are one.
     """
 
     floor: Float[Array, " nv"]

@@ -1,8 +1,9 @@
 """Searches for the few columns that explain a residual: a beam search over sets, in which each column has a price.
 
-The price of a column is the gain that it may have by chance. Residual and columns are projected off the nuisances
-first, so that the fit of a set is a small linear system. If the columns depend on the fitted coefficients,
-`until_same_set` recomputes the columns after each search and repeats the search.
+The price of a column is the decrease of the sum of squares that the column may cause by chance. Residual and columns
+are projected off the nuisances (columns of every fit) first, so that the fit of a set is a small linear system. If the
+columns depend on the fitted coefficients, `until_same_set` recomputes the columns after each search and repeats the
+search.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ Chosen = tuple[int, ...]
 
 _BEAM = 8  # number of sets that are extended in each step
 _MOST = 20  # largest number of columns of a set
-_MOST_WITHOUT_GAIN = 2  # largest number of steps in a row without a better set
+_MOST_WITHOUT_GAIN = 2  # after more steps in a row without a better set the search ends
 _TIE = 1e-8  # costs are rounded to this share of the total square, so that sets of equal columns have equal costs
 _LEAST_EIGENVALUE = 1e-9  # of the products of normalised columns; below it the columns count as linearly dependent
 _ROUNDS = 5  # largest number of searches in `until_same_set`
@@ -140,7 +141,7 @@ def _rounded_cost(fits: SetFits, chosen: Sequence[int], price: float) -> float:
 
 
 def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list[Chosen]:
-    """Rivals of a group of columns: the group with one column exchanged, if this hardly raises the sum of squares.
+    """Rivals of a group of columns: the group with one column exchanged, if this raises the sum of squares only little.
 
     Args:
         fits: Products of the columns.
@@ -164,7 +165,8 @@ def until_same_set(
 ) -> tuple[State, Chosen]:
     """Repeat a search, each time with columns recomputed at the fit of the set found, until it finds the same set.
 
-    The repetition also ends if a search returns to an earlier set, or after five searches.
+    The repetition also ends if a search returns to an earlier set, or after five searches. The first two searches never
+    end it, nor does the third by an earlier set.
 
     Args:
         state: Initial state, with the columns of the first search.

@@ -1,8 +1,8 @@
 """Chooses terms (one or two columns each) one by one: orthogonal least squares with exchanges.
 
-Each step adds the term that lowers the sum of squares most. Then each chosen term is exchanged for another one if the
-exchange lowers the sum further. Only products of the columns, summed over blocks, are needed, so that the choice can be
-repeated on other blocks at little cost.
+Each step adds the term that lowers the sum of squared residuals most; this decrease is the term's gain. Then each
+chosen term is exchanged for another one if the exchange lowers the sum further. Only products of the columns, summed
+over blocks, are needed, so that the choice can be repeated on other blocks at little cost.
 """
 
 from __future__ import annotations
