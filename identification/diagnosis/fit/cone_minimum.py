@@ -72,14 +72,14 @@ class Cone(NamedTuple):
 
 
 class Path(NamedTuple):
-    """State of the iteration: bodies, slacks of their reach, multipliers of both, and the next steps.
+    """State of the iteration: bodies, slacks of the constraints on their reach, multipliers of both, and next steps.
 
     Attributes:
         inertias, inverses: Pseudo-inertias and their inverses, ``(B, 4, 4)``.
         multipliers: Multipliers of the pseudo-inertias, ``(B, 4, 4)``.
         inertia_steps, multiplier_steps: Next steps of pseudo-inertias and multipliers, ``(B, 4, 4)``.
         corrections: Second-order terms of the predicted step, ``(B, 4, 4)``.
-        slacks, slack_multipliers: Slacks of the reach and their multipliers, ``(B, F)``.
+        slacks, slack_multipliers: Products of `Cone.reach` with the entries, and their multipliers, ``(B, F)``.
         slack_steps, slack_multiplier_steps: Next steps of slacks and their multipliers, ``(B, F)``.
         slack_corrections: Second-order terms of the predicted step of the slacks, ``(B, F)``.
         work: Work array, ``(4, 4)``.
@@ -134,31 +134,31 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array)
     """
     n = len(x)
     hessian, slope, step = work[:n], work[n], work[n + 1]
-    numbers = float(len(cone.start) * (4 + cone.reach.shape[1]))
+    pairs = float(len(cone.start) * (4 + cone.reach.shape[1]))
     # Decrease of the loss from the given bodies to the minimum without the cone; it gives the first multipliers.
-    most = 0.0
+    decrease = 0.0
     _set_up(a, b, x, hessian, slope)
     eliminate(hessian, n)
     for i in range(n):
         step[i] = b[i]
     solve_eliminated(hessian, step, n)
     for i in range(n):
-        most += 0.5 * b[i] * step[i]
+        decrease += 0.5 * b[i] * step[i]
     if not _set_inertias(cone, path, x):
         return
-    _set_first_multipliers(max(most, _GAP) / numbers, path)
+    _set_first_multipliers(max(decrease, _GAP) / pairs, path)
     # Slope of the Lagrangian as a share of the first one: a step of length one makes it zero.
     unsolved = 1.0
     for _ in range(_STEPS):
         loss, gap = _set_up(a, b, x, hessian, slope), _gap(0.0, path)
-        if max(gap, unsolved * most) <= _GAP * max(loss + most, 1.0):
+        if max(gap, unsolved * decrease) <= _GAP * max(loss + decrease, 1.0):
             return
         _add_curvature(cone, path, hessian)
         eliminate(hessian, n)
         # Predict a step that aims at products of zero. The better it would succeed, the smaller the products at which
         # the real step aims; second-order terms of the prediction correct the real step.
         length = _step(0.0, cone, path, hessian, slope, step)
-        aim = gap / numbers * max(_LEAST_AIM, (_gap(length, path) / gap) ** 2)
+        aim = gap / pairs * max(_LEAST_AIM, (_gap(length, path) / gap) ** 2)
         _set_corrections(path)
         length = _INSIDE * _step(aim, cone, path, hessian, slope, step)
         unsolved *= 1.0 - length
@@ -238,8 +238,8 @@ def _gap(length: float, path: Path) -> float:
     for body in range(len(path.inertias)):
         for i in range(4):
             for j in range(4):
-                here = path.inertias[body, i, j] + length * path.inertia_steps[body, i, j]
-                gap += here * (path.multipliers[body, i, j] + length * path.multiplier_steps[body, i, j])
+                inertia = path.inertias[body, i, j] + length * path.inertia_steps[body, i, j]
+                gap += inertia * (path.multipliers[body, i, j] + length * path.multiplier_steps[body, i, j])
         for r in range(path.slacks.shape[1]):
             slack = path.slacks[body, r] + length * path.slack_steps[body, r]
             gap += slack * (path.slack_multipliers[body, r] + length * path.slack_multiplier_steps[body, r])
@@ -286,27 +286,27 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
     solve_eliminated(factor, step, len(step))
     length = 1.0
     for body in range(len(cone.start)):
-        change, answer = path.inertia_steps[body], path.multiplier_steps[body]
+        inertia_step, multiplier_step = path.inertia_steps[body], path.multiplier_steps[body]
         for k in range(n):
-            change[places[k, 0], places[k, 1]] = change[places[k, 1], places[k, 0]] = step[body * n + k]
+            inertia_step[places[k, 0], places[k, 1]] = inertia_step[places[k, 1], places[k, 0]] = step[body * n + k]
         for r in range(reach.shape[1]):
-            opened = 0.0
+            slack_change = 0.0
             for k in range(n):
-                opened += reach[body, r, k] * step[body * n + k]
-            slack, force = path.slacks[body, r], path.slack_multipliers[body, r]
-            pushed = (aim - path.slack_corrections[body, r] - force * opened) / slack - force
-            path.slack_steps[body, r], path.slack_multiplier_steps[body, r] = opened, pushed
-            if opened < 0.0:
-                length = min(length, -slack / opened)
-            if pushed < 0.0:
-                length = min(length, -force / pushed)
-        _mixed(path.inverses[body], change, path.multipliers[body], path.work, answer)
+                slack_change += reach[body, r, k] * step[body * n + k]
+            slack, multiplier = path.slacks[body, r], path.slack_multipliers[body, r]
+            multiplier_change = (aim - path.slack_corrections[body, r] - multiplier * slack_change) / slack - multiplier
+            path.slack_steps[body, r], path.slack_multiplier_steps[body, r] = slack_change, multiplier_change
+            if slack_change < 0.0:
+                length = min(length, -slack / slack_change)
+            if multiplier_change < 0.0:
+                length = min(length, -multiplier / multiplier_change)
+        _mixed(path.inverses[body], inertia_step, path.multipliers[body], path.work, multiplier_step)
         for i in range(4):
             for j in range(4):
                 kept = aim * path.inverses[body, i, j] - path.multipliers[body, i, j] - path.corrections[body, i, j]
-                answer[i, j] = kept - answer[i, j]
-        length = _inside(length, path.inertias[body], change, path.work)
-        length = _inside(length, path.multipliers[body], answer, path.work)
+                multiplier_step[i, j] = kept - multiplier_step[i, j]
+        length = _inside(length, path.inertias[body], inertia_step, path.work)
+        length = _inside(length, path.multipliers[body], multiplier_step, path.work)
     return length
 
 
@@ -365,10 +365,10 @@ def _has_factor(factor: Array) -> bool:
             return False
         factor[j, j] = np.sqrt(pivot)
         for i in range(j + 1, 4):
-            left = factor[i, j]
+            entry = factor[i, j]
             for k in range(j):
-                left -= factor[i, k] * factor[j, k]
-            factor[i, j] = left / factor[j, j]
+                entry -= factor[i, k] * factor[j, k]
+            factor[i, j] = entry / factor[j, j]
     return True
 
 
@@ -383,10 +383,10 @@ def _invert(matrix: Array, inverse: Array) -> bool:
     for j in range(4):
         inverse[j, j] = 1.0 / inverse[j, j]
         for i in range(j + 1, 4):
-            left = 0.0
+            entry = 0.0
             for k in range(j, i):
-                left -= inverse[i, k] * inverse[k, j]
-            inverse[i, j] = left / inverse[i, i]
+                entry -= inverse[i, k] * inverse[k, j]
+            inverse[i, j] = entry / inverse[i, i]
     # The lower triangle has the inverse of the Cholesky factor. The result is written row by row into the upper one.
     for i in range(4):
         for j in range(i + 1):

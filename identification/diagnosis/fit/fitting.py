@@ -1,8 +1,10 @@
 """Regularised least squares on Gram matrices, with bounds and priors, scored on blocks held out of the fit.
 
-Every fit works on products of columns (Gram matrices), never on samples. The fit is linear with two exceptions, which
-are solved by iteration: a torque constant scales all other torques of its joint, and the inertia of a point mass is not
-linear in mass and first moments.
+Every fit works on products of columns (Gram matrices), never on samples. A row is one joint's torque; a nuisance is a
+change of the model within its tolerances. A fold is a group of blocks that are held out together. The fit is linear
+with two exceptions, which are solved by iteration: the gain of a wrong torque constant, which is the ratio of measured
+to true torque, multiplies all torques of its row; and the inertia of a point mass is not linear in mass and first
+moments.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from identification.engine.fits.minimum import minimum_of
 from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 
-# Smallest gain of a torque constant: at a gain of zero, the torques of its joint would vanish from the fit.
+# Smallest gain of a torque constant; smaller estimates are raised to it. At a gain of zero, the torques of its joint
+# would vanish from the fit.
 _LEAST_GAIN = 0.02
 
 
@@ -123,7 +126,7 @@ class LinearisationPoint:
     """The estimate about which nonlinear laws are linearised.
 
     Attributes:
-        scalings: Gain of each wrong torque constant, with the coefficients of all else on its row.
+        scalings: Gain of each wrong torque constant, with the coefficients of all other columns on its row.
         payload: The payload with its estimate; None without one.
     """
 
@@ -191,13 +194,15 @@ def fit(
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
     # A torque constant multiplies everything else on its row. So the fit is repeated, linearised about the last gain.
+    # In these fits its coefficient is the difference from the last gain; at the end, the gain minus one is added.
     columns = [term.columns[0] for term in scaled]
     rows = [sorted(problem.touched[column]) for column in columns]
 
     def scalings_at(gains: Float[Array, " s"], theta: Float[Array, " K"]) -> tuple[Scaling, ...]:
-        beside = np.where(np.isin(np.arange(len(theta)), columns), 0.0, np.nan_to_num(theta))
+        """Linearisation of each row of the torque constants, at given gains and coefficients of the other columns."""
+        others = np.where(np.isin(np.arange(len(theta)), columns), 0.0, np.nan_to_num(theta))
         return tuple(
-            Scaling(row, column, float(gain), beside)
+            Scaling(row, column, float(gain), others)
             for own, column, gain in zip(rows, columns, gains, strict=True)
             for row in own
         )
@@ -211,7 +216,7 @@ def fit(
     # Known gains need no iteration.
     for _ in range(0 if known else 4):
         found = _fit_at_point(_shifted_bounds(problem, columns, gains - 1.0), terms, scalings, False, near, None)
-        # Nearly the same bounds are active at the next gain.
+        # The next fit starts from this one, because nearly the same bounds are active there.
         near = near.after(found, ())
         step = found.theta[columns]
         gains = np.maximum(gains + step, _LEAST_GAIN)
@@ -237,20 +242,20 @@ def _shifted_bounds(problem: Problem, columns: list[int], part: Float[Array, " k
 def predict(
     problem: Problem, terms: tuple[Term, ...], theta: Float[Array, " K"], log: int, part: slice = slice(None)
 ) -> Float[Array, "n nv"]:
-    """Torque of the given model with nuisances and terms [N m or N], in the band, for a part of one log."""
+    """Torque of the given model with nuisances and terms [N m or N], in the band of the fits, for a part of one log."""
     columns = problem.columns
-    own = [term.columns[0] for term in terms if term.effect.scales_joint]
+    of_gains = [term.columns[0] for term in terms if term.effect.scales_joint]
     others = theta.copy()
-    others[own] = 0.0
+    others[of_gains] = 0.0
     model = columns.model_torque[log][part]
     out = np.empty_like(model)
     for j, index in enumerate(columns.rows):
         values = columns.values[log][j][part]
-        beside = values @ others[list(index)]
-        out[:, j] = model[:, j] + beside
-        for column in set(own) & set(index):
+        fitted = values @ others[list(index)]
+        out[:, j] = model[:, j] + fitted
+        for column in set(of_gains) & set(index):
             # The gain scales its own column, which is the modelled torque, and all other fitted torques.
-            out[:, j] += theta[column] * (values[:, index.index(column)] + beside)
+            out[:, j] += theta[column] * (values[:, index.index(column)] + fitted)
     return out
 
 
@@ -341,7 +346,7 @@ def _fit_linear(
     load, folded, kept, held_out = point.payload, None, active, products.held_out
     square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
-        # Ten columns of the payload become four: mass and first moments.
+        # The ten columns of the payload are combined to four, of mass and first moments.
         folded = _folded_at(problem, active, load)
         kept, square, line = active[folded.keep], folded.reduced_gram(square), folded.reduced_right(line)
         folds = None if folds is None else (folded.reduced_gram(folds[0]), folded.reduced_right(folds[1]))

@@ -20,8 +20,8 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
 _FEATURES = 120  # number of random waves: each depends on two or three of the inputs
-# Strengths of the ridge, in per cent of a sample: the first hardly shrinks any coefficient, the last shrinks all but
-# those of the strongest features.
+# Strengths of the ridge, in per cent of the sum of squares of one scaled feature: the first hardly shrinks any
+# coefficient, the last shrinks all but those of the strongest features.
 _RIDGES = (1e-4, 1e-2, 1.0)
 
 
@@ -33,9 +33,15 @@ def displacement_since_reversal(q: Float[Array, " N"], v: Float[Array, " N"]) ->
 
 
 def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Array, "n f"]:
-    """Random Fourier features of one joint's state on one log, standardised, ``(n, 120 + raw inputs)``.
+    """A constant, the standardised state of one joint in one log, and random waves of the state, ``(n, f)``.
 
     For a joint without a drive the modelled torque is not used: there it is the residual that is to be predicted.
+
+    Args:
+        columns: Modelled torque of all logs.
+        log: The log.
+        index: Index of the log.
+        row: Index of the joint.
     """
     at = log.samples
     driven = columns.operations[0].robot.actuators[row].actuated
@@ -57,8 +63,9 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
     inputs = (inputs - inputs.mean(axis=0)) / (inputs.std(axis=0) + 1e-12)
     # The same features on every call: a fixed seed makes a diagnosis repeatable.
     rng = random_stream("random features")
+    # One half of the waves changes slowly with the inputs, the other half quickly.
     widths = np.where(np.arange(_FEATURES) % 2 == 0, 0.4, 1.2)
-    # Each feature depends on two or three inputs, as friction, springs and load effects do.
+    # Each wave depends on two or three inputs, as friction, springs and load effects do.
     direction = rng.normal(size=(inputs.shape[1], _FEATURES)) * widths
     direction *= rng.random(direction.shape) < 2.5 / inputs.shape[1]
     waves = np.cos(inputs @ direction + rng.uniform(0, 2 * np.pi, _FEATURES))
@@ -85,10 +92,10 @@ def ridge_predictions(
         folds: Fold of each block; a block of fold -1 is predicted by the fit on all folds.
         first: Numbers of leading features: for each, there are also predictions from these features alone.
     """
-    size = np.sqrt(sum((a[m] ** 2).sum(axis=0) for a, m in zip(x, use, strict=True)))
-    total = max(sum(int(m.sum()) for m in use), 1)
+    size = np.sqrt(sum((part[used] ** 2).sum(axis=0) for part, used in zip(x, use, strict=True)))
+    total = max(sum(int(used.sum()) for used in use), 1)
     scale = np.where(size > 0, size / np.sqrt(total), 1.0)
-    scaled = [a / scale for a in x]
+    scaled = [part / scale for part in x]
     seen = _training_data(scaled, y, use, blocks, folds)
     ridges = [ridge * total * 1e-2 for ridge in _RIDGES]
     # Coefficients for each number of features and each ridge: of the fits without each fold, then of the fit to all.
@@ -100,15 +107,15 @@ def ridge_predictions(
             continue
         solved = _by_samples if len(seen.y) < len(kept) else _by_features
         fits[which[:, None], kept, k] = solved(seen, kept, ridges, which)
-    predicted = [np.zeros((len(v), fits[0, 0].size)) for v in y]
+    predicted = [np.zeros((len(series), fits[0, 0].size)) for series in y]
     squared, samples = np.zeros(fits[0, 0].size), 0
     for fold, block in zip(folds.tolist(), blocks, strict=True):
         part = slice(block.start, block.stop)
         # All fits in one product, so that the features are read once. Fold -1 comes last.
         predicted[block.log][part] = scaled[block.log][part] @ fits[fold].reshape(len(size), -1)
         core = slice(block.core, block.stop)
-        m = use[block.log][core]
-        error = (y[block.log][core, None] - predicted[block.log][core])[m]
+        used = use[block.log][core]
+        error = (y[block.log][core, None] - predicted[block.log][core])[used]
         squared += (error**2).sum(axis=0)
         samples += len(error)
     for k, loss in enumerate(squared / max(samples, 1)):
@@ -139,11 +146,13 @@ def _training_data(
     folds: Int[Array, " B"],
 ) -> _TrainingData:
     """The used samples of all blocks that fits may see."""
-    fold_of = [np.full(len(v), -1) for v in y]
+    fold_of = [np.full(len(series), -1) for series in y]
     for fold, block in zip(folds.tolist(), blocks, strict=True):
         fold_of[block.log][block.start : block.stop] = fold
-    counts = [m & (fold >= 0) for m, fold in zip(use, fold_of, strict=True)]
-    features, values, fold = (np.concatenate([a[m] for a, m in zip(s, counts, strict=True)]) for s in (x, y, fold_of))
+    trained = [used & (fold >= 0) for used, fold in zip(use, fold_of, strict=True)]
+    features, values, fold = (
+        np.concatenate([part[used] for part, used in zip(parts, trained, strict=True)]) for parts in (x, y, fold_of)
+    )
     return _TrainingData(features, values, fold, int(folds.max(initial=-1)) + 1)
 
 
@@ -165,14 +174,14 @@ def _by_features(
 def _by_samples(
     seen: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
 ) -> Float[Array, "G m R"]:
-    """The same coefficients from products of samples: a smaller matrix if there are fewer samples than features."""
+    """The coefficients of `_by_features` from products of samples: a smaller matrix for fewer samples than features."""
     x = seen.x[:, kept]
-    alike = x @ x.T
+    products = x @ x.T
     out = np.empty((len(folds), len(kept), len(ridges)))
     for own, fold in zip(out, folds, strict=True):
         train = np.flatnonzero(seen.fold != fold)
         for k, ridge in enumerate(ridges):
-            own[:, k] = x[train].T @ _with_ridge(alike[np.ix_(train, train)], ridge, seen.y[train])
+            own[:, k] = x[train].T @ _with_ridge(products[np.ix_(train, train)], ridge, seen.y[train])
     return out
 
 

@@ -1,9 +1,12 @@
 """Gauss-Newton over all parameters of a diagnosis: tolerance parameters, coefficients and shapes.
 
-The search takes shapes from a grid and solves for the coefficients (variable projection). Here a few Gauss-Newton steps
-change shapes and coefficients together. The covariance then includes sources of error that the search neglects: the
-correlation of shapes with coefficients, the tolerances of the model, scatter from block to block beyond the modelled
-noise, and residuals that repeat at the same state because the laws are not exact.
+A term is one effect on one joint. Its torque is linear in its coefficients, and not linear in its shape, such as a
+delay. The search takes shapes from a grid and solves for the coefficients (variable projection). Here a few
+Gauss-Newton steps change shapes and coefficients together.
+
+The covariance includes sources of error that the search neglects: the correlation of shapes with coefficients, the
+tolerances of the model, scatter from block to block beyond the modelled noise, and residuals that repeat at the same
+state because the laws are not exact.
 """
 
 from __future__ import annotations
@@ -47,8 +50,8 @@ _SAME_MODEL = 0.3
 _LEAST_GAIN = 0.02
 # Number of models that are drawn for the covariance by columns that depend on the uncertain model.
 _DRAWS = 4
-# Number of parameter vectors drawn to find those within the tolerances. A standard deviation is then accurate to a
-# tenth if at least the second number of draws are within.
+# Number of parameter vectors drawn to find those within the tolerances, and least number within. With that many, a
+# standard deviation is accurate to a tenth; with fewer, the bounds do not reduce the covariance.
 _TRUNCATED, _LEAST_INSIDE = 2000, 100
 # Effect of a rotor that the model lacks; standard deviation of its inertia as a share of the inertia that the joint
 # carries; number of postures over which the carried inertia is averaged.
@@ -56,7 +59,7 @@ _ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
 # Standard deviation of the radius of gyration of a load [m], for weights and tools of some kilograms; positions of the
 # three moments of inertia among the ten parameters of a body.
 _GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
-# The bounds of a tolerance parameter reduce the uncertainty of parameters with a larger correlation than this.
+# Bounds of a tolerance parameter restrict the draws only if its correlation with another parameter is larger than this.
 _EXCHANGED = 0.1
 
 
@@ -101,9 +104,9 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     """Fit tolerance parameters, coefficients and shapes together, starting from a fit with fixed shapes.
 
     Args:
-        problem: Columns and fits in the judged band.
+        problem: Columns of the recordings in the judged band, their priors and bounds.
         terms: The effects in the model.
-        found: Their fit.
+        found: Their fit with fixed shapes.
     """
     layout, x = lay_out(problem, terms, found)
     precision, lower, upper = _priors_and_bounds(layout, x)
@@ -117,9 +120,9 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     # Unobservable parameters keep their values: for example, an inertia of a link that never turns about that axis.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
     total, free = a.sum(axis=0) + np.diag(precision), free_parameters(b, precision, x, (lower, upper))
-    given, repeated = equations(layout, model), np.zeros(len(x))
+    linear, repeated = equations(layout, model), np.zeros(len(x))
     repeated[free] = repeated_variance(
-        given.slopes[:, free], given.residual, total[np.ix_(free, free)], given.states, given.blocks
+        linear.slopes[:, free], linear.residual, total[np.ix_(free, free)], linear.states, linear.blocks
     )
     cov = covariance(a, b, precision, x, free, repeated)
     if layout.depends_on_model:
@@ -129,9 +132,11 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     by_law: list[Array] = []
     for slices in layout.term_slices:
         effect, at = slices.term.effect, slices.coefficients
-        laws = (_other_law_shift(layout, model, x, slices, law, total) for law in effect.other_laws)
-        by_law.append(sum((np.outer(shift, shift) for shift in (_share_shift(slices, x), *laws)), np.zeros_like(cov)))
+        by_other_laws = (_other_law_shift(layout, model, x, slices, law, total) for law in effect.other_laws)
+        shifts = (_share_shift(slices, x), *by_other_laws)
+        by_law.append(sum((np.outer(shift, shift) for shift in shifts), np.zeros_like(cov)))
         if effect.inertial == "point mass":
+            # Extent and missing rotors add to the uncertainty of the load itself only.
             shift = load_extent_shift(layout, model, x, slices, total)
             by_law[-1][at, at] += (np.outer(shift, shift) + rotor_covariance(layout, model, total))[at, at]
     prior = 1.0 / np.maximum(precision, _NO_TRACE)
@@ -204,18 +209,18 @@ def _other_law_shift(
     meaning in both laws.
     """
     at = slices.indices
-    own = tuple(term_torque(layout, slices, x))
+    own_torque = tuple(term_torque(layout, slices, x))
     shift = np.zeros(len(x))
     for _ in range(_STEPS):
         candidate = x + shift
         candidate[slices.shape] = np.clip(candidate[slices.shape], 0.5 * x[slices.shape], 2.0 * x[slices.shape])
         other = other_law_torque(layout, slices, candidate, law)
         # Torque of the linearised law of the term minus that of the other law.
-        less = tuple(
+        difference = tuple(
             by_own_law + slopes[:, :, at] @ (candidate - x)[at] - by_other_law
-            for by_own_law, slopes, by_other_law in zip(own, model.slopes, other, strict=True)
+            for by_own_law, slopes, by_other_law in zip(own_torque, model.slopes, other, strict=True)
         )
-        shift = solve(total, _products(layout, model, less)[1].sum(axis=0))
+        shift = solve(total, _products(layout, model, difference)[1].sum(axis=0))
     return shift
 
 
@@ -229,21 +234,21 @@ def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array,
     of the torque in one recording looks like an inertia.
     """
     robot = layout.problem.session.robot
-    found = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR}
+    fitted = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR}
     of_difference = any(isinstance(slices.term.effect, OwnEffect) for slices in layout.term_slices)
     without_rotors = total.copy()
     for row, joint in enumerate(robot.joint_names):
-        if joint in found or (robot.rotor_inertia[row] > 0.0 and not of_difference):
+        if joint in fitted or (robot.rotor_inertia[row] > 0.0 and not of_difference):
             continue
-        less = []
+        column = []
         for log, operation in enumerate(layout.operations):
-            some = operation.q[:: max(len(operation.q) // _POSTURES, 1)]
-            carried = float(np.mean(mass_matrix(robot, some)[:, row, row]))
+            postures = operation.q[:: max(len(operation.q) // _POSTURES, 1)]
+            carried = float(np.mean(mass_matrix(robot, postures)[:, row, row]))
             torque = np.zeros_like(operation.a)
             torque[:, row] = _UNSTATED * carried * operation.a[:, row]
-            less.append(in_band(layout, log, torque))
+            column.append(in_band(layout, log, torque))
         # The column of the rotor, with a prior deviation of one, is eliminated.
-        _, across, own = _products(layout, model, tuple(less))
+        _, across, own = _products(layout, model, tuple(column))
         without_rotors -= np.outer(across.sum(axis=0), across.sum(axis=0)) / (own.sum() + 1.0)
     identity = np.eye(layout.size)
     return solve(without_rotors, identity) - solve(total, identity)
@@ -254,12 +259,12 @@ def load_extent_shift(
 ) -> Float[Array, " p"]:
     """Shift of all parameters if a load is no point mass but has an inertia about its own centre, like real loads."""
     mass = float(x[slices.coefficients][0])
-    own = np.array(slices.term.columns)[_MOMENTS_OF_INERTIA]
-    less = tuple(
-        mass * _GYRATION**2 * columns_of(layout.problem, tuple(own.tolist()), log).sum(axis=2)
+    columns = tuple(np.array(slices.term.columns)[_MOMENTS_OF_INERTIA].tolist())
+    additional = tuple(
+        mass * _GYRATION**2 * columns_of(layout.problem, columns, log).sum(axis=2)
         for log in range(len(layout.operations))
     )
-    return solve(total, _products(layout, model, less)[1].sum(axis=0))
+    return solve(total, _products(layout, model, additional)[1].sum(axis=0))
 
 
 def _gauss_newton(
@@ -278,12 +283,14 @@ def _gauss_newton(
         total, gradient = a.sum(axis=0) + np.diag(precision), b.sum(axis=0) - precision * x
         step = bounded_solve(total, gradient, lower - x, upper - x)
         if not all(body.is_possible((x + step)[at]) for body, at in bodies):
+            # Unobservable parameters would make the matrix singular.
             regular = total + np.diag(np.where(np.diag(total) < _NO_TRACE, 1.0, 0.0))
             best, _ = possible_minimum(regular, gradient + regular @ x, (lower, upper), x + step, bodies)
             step = best - x
         if 2 * gradient @ step - step @ total @ step < _LEAST_GAIN:
             break
         loss = c.sum() + precision @ x**2
+        # A step that does not lower the loss is shortened once. If this does not help, the last point is the result.
         for shorter in (1.0, 0.3):
             candidate = x + shorter * step
             at_candidate = linearised(layout, candidate)
@@ -347,7 +354,12 @@ def _priors_and_bounds(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Arra
 def _products(
     layout: ModelLayout, model: Linearised, residual: tuple[Float[Array, "_ nv"], ...] | None = None
 ) -> tuple[Array, Array, Array]:
-    """Weighted products of slopes and residual for each training block; the model's own residual if None."""
+    """Weighted products of slopes and a residual for each training block.
+
+    Returns:
+        Slopes times slopes, slopes times residual, and residual times residual, ``(B, p, p)``, ``(B, p)`` and ``(B,)``.
+        Without a given residual, that of the model is used.
+    """
     if residual is None:
         residual = tuple(
             before - torque for before, torque in zip(layout.problem.white.residual, model.torque, strict=True)

@@ -1,4 +1,10 @@
-"""Residuals of corrected models, and their loss: the mean over joints of squared residual over squared noise floor."""
+"""Residuals of corrected models, their loss, and the gap of each joint.
+
+A corrected model is the given model with the effects of a fit and the changes within its tolerances. Its loss is the
+mean over joints of squared residual over squared noise floor. The gap of a row (one joint's torque) is the weighted sum
+of squared residuals minus the sum that noise alone would give. Residuals are compared in the judged band, the lower
+part of the frequency band of the fits.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +41,7 @@ class ResidualSums:
     counts: Float[Array, "B nv"]
 
     def rms(self) -> Float[Array, " nv"]:
-        """Root mean square of each joint."""
+        """Root mean square residual of each joint."""
         return np.sqrt(self.squares.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1))
 
     def loss(self, floor: Float[Array, " nv"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
@@ -106,22 +112,25 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band, with which gaps are compared; `moved_by` on undriven joints."""
+    """Measured torque of every log in the judged band, with which gaps are compared.
+
+    For a joint without a drive it is the torque that accelerates the joint's own inertia (`moved_by`).
+    """
     return problem.session.in_judged_band(measured_in_band(problem))
 
 
 def measured_in_band(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the wider band of the fits; `moved_by` on joints without a drive."""
+    """Measured torque of every log in the wider band of the fits; for a joint without a drive, that of `moved_by`."""
     columns = problem.columns
     torque = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
     return moved_by(problem, torque)
 
 
 def moved_by(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
-    """Torque that moves each joint of every log, in the band: the torque of its drive.
+    """The given torque of each joint with a drive; of a joint without one, the torque that accelerates its own inertia.
 
-    A joint without a drive is moved by gravity and the other links. Its measured torque is zero, and the torque that
-    the model computes is the residual. There the result is the torque that accelerates the joint's own inertia.
+    A joint without a drive is moved by gravity and the other links. Its measured torque is zero, and its residual is
+    the negative of its modelled torque. So neither torque shows whether the residual is small.
 
     Args:
         problem: Robot and recordings.
@@ -139,8 +148,8 @@ def _own_inertia(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:
     """Torque that accelerates a joint if the other joints are held [N m or N]."""
     still, alone = np.zeros_like(motion.v), np.zeros_like(motion.a)
     alone[:, row] = motion.a[:, row]
-    moved, held = (inverse_dynamics(robot, motion.with_joints(motion.q, still, a)) for a in (alone, still))
-    return moved[:, row] - held[:, row]
+    accelerated, at_rest = (inverse_dynamics(robot, motion.with_joints(motion.q, still, a)) for a in (alone, still))
+    return accelerated[:, row] - at_rest[:, row]
 
 
 def row_counts(problem: Problem) -> Float[Array, " nv"]:
@@ -150,9 +159,9 @@ def row_counts(problem: Problem) -> Float[Array, " nv"]:
 
 @dataclass(frozen=True)
 class RowGaps:
-    """Gap of each row (one per joint): squared residual over squared noise, summed over samples.
+    """Gap of each row: squared residuals over squared noise, summed over samples, minus the sum by noise alone.
 
-    The expected sum by noise alone is subtracted. A claim has to explain a share of the gap.
+    An effect is claimed only if it explains a share of the gap.
 
     Attributes:
         gap: Gap of the given model, fitted within its tolerances, ``(nv,)``.
@@ -170,6 +179,7 @@ def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
         problem: Columns and fits.
         within: Fit of the tolerance parameters alone.
     """
+    # Squared residuals of the given model before any fit; those after the fit of its tolerances are `row_losses`.
     of_given_model = np.array([row.core_c.sum() for row in problem.grams.rows])
     given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (of_given_model, within.row_losses))
     return RowGaps(gap, fair_part.ACCURACY * given)

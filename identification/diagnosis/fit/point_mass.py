@@ -1,7 +1,8 @@
 """Fit of a payload as a point mass.
 
-The inertia of a point mass is not linear in mass and first moments. So it is linearised about the last estimate, and
-the linear fit is repeated.
+The ten inertial parameters of a point mass follow from four: its mass and its first moments (mass times centre of
+mass). The inertia is not linear in these four. So it is linearised about the last estimate, and the linear fit is
+repeated.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from identification.engine.numerics.bounded import solve
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
 
-# Largest number of iterations.
+# Largest number of iterations; then the last estimate is the result, converged or not.
 STEPS = 8
 # Relative change of the estimate below which it has converged.
 _CONVERGED = 3e-3
@@ -35,23 +36,24 @@ _INERTIA = np.array(
     ],
     dtype=float,
 )
-# Mass [kg] that counts as zero.
+# A mass of at most this magnitude [kg] counts as zero. Its inertia, in which the mass is a divisor, is left out.
 _NO_MASS = 1e-9
 
 
-def converged(start: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
-    """True if an estimate ``start`` of mass and first moments hardly differs from the ``last`` one."""
-    return bool(np.abs(start - last).max() <= _CONVERGED * np.abs(last).max())
+def converged(estimate: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
+    """True if an estimate of mass and first moments hardly differs from the ``last`` one."""
+    return bool(np.abs(estimate - last).max() <= _CONVERGED * np.abs(last).max())
 
 
 @dataclass(frozen=True)
 class ReducedLoad:
-    """Fit of one payload with all other columns eliminated.
+    """Fit of one payload with the coefficients of all other columns eliminated.
 
-    Coefficients at a bound are held there; all others are optimal for the payload.
+    Other coefficients at a bound are held there; the rest have their best values for each mass and first moments.
 
     Attributes:
-        a, b: Products of the ten columns of the payload, ``(10, 10)`` and ``(10,)``.
+        a, b: After this elimination, products of the ten columns of the payload with each other, ``(10, 10)``, and with
+            the residual, ``(10,)``.
         prior: Prior precision of mass and first moments, ``(4,)``.
         map: Gives the derivative of the ten inertial parameters at a mass and first moments (`load_map`).
         least: Smallest mass [kg]; negative if the robot may lack a part that the model has.
@@ -65,20 +67,21 @@ class ReducedLoad:
 
     def iterated(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
         """Mass and first moments to which the iteration converges from a start."""
+        estimate = start
         for _ in range(STEPS):
-            last = start
+            last = estimate
             jacobian = self.map(last)
             a = jacobian.T @ self.a @ jacobian + np.diag(self.prior)
             b = jacobian.T @ self.b
-            start = solve(a, b)
+            estimate = solve(a, b)
             low, high = mass_bounds(last[0], self.least)
-            if not low <= start[0] <= high:
+            if not low <= estimate[0] <= high:
                 # The mass is held at its bound, and the first moments are solved for.
-                mass = float(np.clip(start[0], low, high))
-                start = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
-            if converged(start, last):
+                mass = float(np.clip(estimate[0], low, high))
+                estimate = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
+            if converged(estimate, last):
                 break
-        return start
+        return estimate
 
     def loss(self, x: Float[Array, " 4"]) -> float:
         """Loss of a point mass with its exact inertia, up to a constant."""
@@ -96,7 +99,7 @@ def reduced_load(
         active: Columns of the fit.
         products: Products of these columns.
         payload: The term of the payload.
-        theta: All coefficients of a fit with free inertia, by which the columns at a bound are known.
+        theta: All coefficients of a fit with free inertia; it shows which of them are at a bound.
     """
     at = np.searchsorted(active, payload.columns)
     others = np.setdiff1d(np.arange(len(active)), at)
@@ -119,7 +122,9 @@ def reduced_load(
 
 @dataclass(frozen=True)
 class FoldedLoad:
-    """Map between all coefficients of a fit and reduced ones: the ten of a payload become mass and first moments, last.
+    """Map between all coefficients of a fit and fewer ones, in which mass and first moments replace a payload's ten.
+
+    Mass and first moments come last among the reduced coefficients.
 
     Attributes:
         at: Indices of the ten columns of the payload, ``(10,)``.
@@ -148,10 +153,10 @@ class FoldedLoad:
 
     def reduced_gram(self, a: Float[Array, "*F k k"]) -> Float[Array, "*F n n"]:
         """Products of the reduced columns with each other."""
-        many, n = self.others, len(self.others)
+        others, n = self.others, len(self.others)
         out = np.empty((*a.shape[:-2], n + 4, n + 4))
-        out[..., :n, :n] = a[..., many[:, None], many]
-        cross = a[..., many[:, None], self.at] @ self.jacobian
+        out[..., :n, :n] = a[..., others[:, None], others]
+        cross = a[..., others[:, None], self.at] @ self.jacobian
         out[..., :n, n:] = cross
         out[..., n:, :n] = np.swapaxes(cross, -1, -2)
         out[..., n:, n:] = self.jacobian.T @ a[..., self.at[:, None], self.at] @ self.jacobian
@@ -170,15 +175,18 @@ class FoldedLoad:
 
 
 def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
-    """`point_mass_map` of a term, with the inertia of the missing part if the mass is negative."""
+    """Derivative of a payload's ten inertial parameters with respect to mass and first moments (`point_mass_map`).
+
+    A negative mass is a part that the robot lacks. Its inertia then includes that of this part about its own centre.
+    """
     return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
 
 
 def mass_bounds(start: float, least: float) -> tuple[float, float]:
     """Bounds of the mass [kg] in a fit linearised about the mass ``start``.
 
-    They are half and double of that mass, because the inertia is proportional to its inverse. A start without mass has
-    no centre of mass, and bounds the mass by ``least`` only.
+    They are half and double of that mass. The inertia is proportional to the inverse of the mass, so its linearisation
+    does not hold farther away. If the start is zero, no inertia was linearised, and ``least`` is the only bound.
     """
     if abs(start) <= _NO_MASS:
         return least, np.inf

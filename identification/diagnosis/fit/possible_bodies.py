@@ -1,8 +1,9 @@
-"""Least squares with physically possible bodies: no negative eigenvalue of the pseudo-inertia, centre within reach.
+"""Least squares with physically possible bodies.
 
-A quadratic loss is minimised over inertial parameters and other coefficients within bounds [Wensing]_. Only bodies that
-are impossible in the unconstrained fit are constrained: `cone_minimum` finds their parameters in the cone of possible
-bodies, with all other coefficients eliminated.
+A body is possible if its pseudo-inertia has no negative eigenvalue and its centre of mass is within reach, in a box
+around its link. A quadratic loss is minimised over inertial parameters and other coefficients within bounds
+[Wensing]_. Only bodies that are impossible in the unconstrained fit are constrained: `cone_minimum` finds their
+parameters in the cone of possible bodies, with all other coefficients eliminated.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
@@ -26,7 +27,8 @@ from identification.estimators.consistent.consistent_bodies import ReferenceBody
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.model.robot import Robot
 
-# Largest distance of an eigenvalue below zero, as a share of the body's size, because numbers in files are rounded.
+# A body counts as possible if no eigenvalue is below zero by more than this share of the body's size, because numbers
+# in files are rounded.
 _ROUNDING = 1e-6
 # Penalty in squared standard deviations on a change as large as the given body. It determines the combinations of
 # parameters that the data do not determine.
@@ -35,7 +37,7 @@ _PRIOR = 1e-4
 _WIDER, _THINNEST = 1.5, 0.5
 # Reach of a link if the model has no lengths at all [m].
 _SOME_LENGTH = 0.3
-# Squared slope over curvature, in squared standard deviations, above which an active bound is released.
+# An active bound is released if the squared slope over the curvature is above this, in squared standard deviations.
 _LEAST_GAIN = 1e-6
 # Largest number of changes of the set of active constraints; two or three are enough nearly always.
 _CHANGES = 12
@@ -46,7 +48,7 @@ class Body:
     """A body whose ten inertial parameters a fit changes, with the constraints on a possible body.
 
     Attributes:
-        name: Name of the joint that moves it.
+        name: Name of the joint that moves the body.
         columns: Columns of the changes of its parameters in a fit.
         given: The body of the model, or the nearest possible one if that is impossible.
         reach: Rows of ``reach @ parameters >= 0``, which holds if the centre of mass is within reach.
@@ -210,7 +212,7 @@ def possible_minimum(
         bounds: Lower and upper bounds; infinite for the bodies' coefficients.
         x: The minimum within the bounds, without constraints on bodies.
         bodies: Each body with the positions of its changes among the coefficients.
-        binding: Active constraints at the minimum of a similar loss, to start from; None without one.
+        binding: Active constraints at the minimum of a similar loss, to start from; None if there is none.
 
     Returns:
         The minimum, and the constraints that are active there.
@@ -219,21 +221,24 @@ def possible_minimum(
     of_bodies = np.zeros(len(b), dtype=bool)
     of_bodies[np.concatenate([at for _, at in bodies])] = True
     if binding is None:
-        within, low, high = tuple(not body.is_possible(x[at]) for body, at in bodies), x <= lower, x >= upper
+        constrained, low, high = tuple(not body.is_possible(x[at]) for body, at in bodies), x <= lower, x >= upper
     else:
-        within, low, high = binding.bodies, binding.low, binding.high
+        constrained, low, high = binding.bodies, binding.low, binding.high
         x = np.where(low, lower, np.where(high, upper, x))
     held = ~of_bodies & (low | high)
     for _ in range(_CHANGES):
-        x = _minimum_in_cone(a, b, x, held, [one for one, taken in zip(bodies, within, strict=True) if taken])
+        x = _minimum_in_cone(a, b, x, held, [pair for pair, active in zip(bodies, constrained, strict=True) if active])
         slope = a @ x - b
+        # True where the loss falls away from the bound: upwards from a lower one, downwards from an upper one.
         inwards = np.where(x <= lower, slope < 0.0, slope > 0.0) & (slope**2 > _LEAST_GAIN * np.diag(a))
         released, outside = held & inwards & (lower < upper), ~held & ((x < lower) | (x > upper))
-        wrong = [not taken and not body.is_possible(x[at]) for (body, at), taken in zip(bodies, within, strict=True)]
-        if not released.any() and not outside.any() and not any(wrong):
-            return x, ActiveConstraints(within, held & (x <= lower), held & (x >= upper))
+        impossible = [
+            not active and not body.is_possible(x[at]) for (body, at), active in zip(bodies, constrained, strict=True)
+        ]
+        if not released.any() and not outside.any() and not any(impossible):
+            return x, ActiveConstraints(constrained, held & (x <= lower), held & (x >= upper))
         x, held = np.clip(x, lower, upper), (held & ~released) | outside
-        within = tuple(taken or new for taken, new in zip(within, wrong, strict=True))
+        constrained = tuple(active or new for active, new in zip(constrained, impossible, strict=True))
     # The bounds of nearly equal columns may change without end. Then all bodies are constrained and computed first, and
     # the other coefficients are solved for afterwards.
     x, others = np.clip(_minimum_in_cone(a, b, x, held, bodies), lower, upper), ~of_bodies
@@ -256,10 +261,11 @@ def _minimum_in_cone(
     free, x = np.flatnonzero(rest), x.copy()
     line, rows = b - a @ np.where(held, x, 0.0), a[free]
     cross = rows[:, at]
-    made = solve(rows[:, free], np.column_stack([cross, line[free]]))
+    # The free coefficients are linear functions of those of the bodies.
+    eliminated = solve(rows[:, free], np.column_stack([cross, line[free]]))
     scale = np.concatenate([body.given.scale for body, _ in bodies])
-    square = (a[np.ix_(at, at)] - cross.T @ made[:, :-1]) * np.outer(scale, scale) + _PRIOR * np.eye(len(at))
+    square = (a[np.ix_(at, at)] - cross.T @ eliminated[:, :-1]) * np.outer(scale, scale) + _PRIOR * np.eye(len(at))
     given, reach = (np.array(part) for part in zip(*(body.scaled for body, _ in bodies), strict=True))
-    x[at] = scale * best_bodies(square, (line[at] - cross.T @ made[:, -1]) * scale, given, reach)
-    x[free] = made[:, -1] - made[:, :-1] @ x[at]
+    x[at] = scale * best_bodies(square, (line[at] - cross.T @ eliminated[:, -1]) * scale, given, reach)
+    x[free] = eliminated[:, -1] - eliminated[:, :-1] @ x[at]
     return x

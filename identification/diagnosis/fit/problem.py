@@ -1,4 +1,9 @@
-"""A fitting problem: columns, their products, priors and bounds."""
+"""A fitting problem: columns, their products, priors and bounds.
+
+A row is one joint's torque. A column is the torque on all rows per unit of one unknown coefficient, at every sample.
+The first columns belong to the nuisances: changes of the model's parameters within their tolerances. The others belong
+to terms; a term is one effect on one joint. The products of columns (Gram matrices) are weighted sums over samples.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +24,8 @@ from phantom_dyn.array_types import Array, Float, Int
 # Tolerance parameters are left out of all fits if, each at its bound, together they change the torque by a sum of
 # squares of at most this many noise variances of one sample.
 _UNSEEN = 1.0
-# Size of a column relative to the largest one of its effect, below which the column is rounding errors.
+# A column is rounding errors if its size is below this share of that of the largest column of its effect. The prior of
+# its coefficient then has a standard deviation of one, whatever the size of the column is.
 _ROUNDING = 1e-9
 
 
@@ -38,9 +44,9 @@ class Problem:
         nuisance_count: Number of leading columns, which are those of the tolerance parameters.
         fitted_nuisances: Indices of the nuisances that the fits contain. The others change these recordings too little
             (`observable_nuisances`).
-        total_a, total_b: Products summed over the training blocks.
+        total_a, total_b: Products of columns with columns and with the residual, summed over the training blocks.
         touched: Rows on which each column is not zero.
-        bodies: The bodies whose inertial parameters an effect sets free, by effect.
+        bodies: The bodies whose inertial parameters an effect changes freely, by effect.
         at_readings: The problem for fits without effects that displace the links: its columns of tolerance parameters
             and rigid bodies are computed at the positions that the encoders read. None if ``columns`` are, too.
     """
@@ -72,7 +78,7 @@ class Problem:
         return self.at_readings
 
     def bodies_of(self, terms: Iterable[Term]) -> tuple[Body, ...]:
-        """Bodies whose inertial parameters some effects set free, each once, in the order of their columns."""
+        """Bodies whose inertial parameters some effects change freely, each once, in the order of their columns."""
         free = (term for term in terms if term.effect.inertial == "free")
         found = {body.name: body for term in free for body in self.bodies[term]}
         return tuple(sorted(found.values(), key=lambda body: body.columns))
@@ -102,15 +108,15 @@ def set_up(
     fitted_nuisances = observable_nuisances(columns, rows)
     grams = summed(len(columns.names), rows, session.folds, fitted_nuisances)
     count = len(columns.names)
-    energy = np.diag(grams.everything)
-    shown, lower, upper = energy > 0, np.full(count, -np.inf), np.full(count, np.inf)
+    energy = np.diag(grams.everything)  # weighted sum of squares of each column
+    has_wide_prior, lower, upper = energy > 0, np.full(count, -np.inf), np.full(count, np.inf)
     for term in columns.terms:
         own = list(term.columns)
         # If the motion does not excite one coefficient of a law, its column is rounding errors, and the wide prior for
         # so small a column would allow any value.
-        shown[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
+        has_wide_prior[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
         lower[own], upper[own] = np.maximum(lower[own], term.lower), np.minimum(upper[own], term.upper)
-    precision = np.where(shown, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
+    precision = np.where(has_wide_prior, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
     for k, parameter in enumerate(columns.tolerance_parameters):
         precision[k] = 1.0 / parameter.sigma**2
         lower[k], upper[k] = -parameter.bound, parameter.bound

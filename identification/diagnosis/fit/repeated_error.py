@@ -4,6 +4,7 @@ Noise in different blocks is independent. A residual that repeats in other block
 acceleration is not noise, but the difference between the law and the robot. The scatter from block to block does not
 include this error, since it is the same in every block, and a longer recording does not reduce it.
 
+The score of a sample is its residual times its slopes, the derivatives of the model with respect to the parameters.
 Scores of samples at the same state are summed over all blocks, and within each block alone. The variance of the first
 sums minus that of the second ones is the additional variance of the parameters. Two-way clustering adds this term to
 clustering by blocks (A. C. Cameron, J. B. Gelbach, D. L. Miller: Robust inference with multiway clustering, Journal of
@@ -27,9 +28,9 @@ from phantom_dyn.array_types import Array, Float, Int
 GROUPS = 4
 # A variance counts as zero if it is below this many standard deviations of the variance that white noise alone gives.
 CHANCE = 1.0
-# Leverage above which a group alone determines a parameter: its residual is then zero and shows no error.
+# Leverage above which a group alone determines a parameter. The residual is then zero in any case, so it is not used.
 _DECIDES = 1.0 - 1e-9
-# Eigenvalues below this share of the largest one are rounding errors.
+# Eigenvalues below this share of the largest one are rounding errors, and their directions are left out.
 _RANK = 1e-12
 
 
@@ -99,14 +100,14 @@ def repeated_variance(
         blocks: Block of each equation.
     """
     root = _inverse_root(total)
-    fitted = slopes @ root
+    scaled = slopes @ root
     variance, chance = np.zeros(slopes.shape[1]), np.zeros(slopes.shape[1])
     for state in states:
         within_blocks = state * (blocks.max(initial=0) + 1) + blocks
-        across_blocks = scatter(fitted, residual, state) - scatter(fitted, residual, within_blocks)
+        across_blocks = scatter(scaled, residual, state) - scatter(scaled, residual, within_blocks)
         variance += np.einsum("pr,rs,ps->p", root, across_blocks, root)
         # With white noise, the variance of a group's score is the group's information on the parameter.
-        information = [((fitted[state == group] @ root.T) ** 2).sum(axis=0) for group in np.unique(state)]
+        information = [((scaled[state == group] @ root.T) ** 2).sum(axis=0) for group in np.unique(state)]
         chance += 2.0 * np.square(information).sum(axis=0)
     return np.where(variance > CHANCE * np.sqrt(chance), variance, 0.0)
 

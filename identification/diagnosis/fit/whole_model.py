@@ -1,4 +1,9 @@
-"""The nonlinear model with all its parameters (tolerances, coefficients, shapes): its torque and Jacobian at a point.
+"""The nonlinear model with all its parameters: its torque and its Jacobian at a parameter vector.
+
+The first parameters are changes of the given model within its tolerances. The others belong to terms. A term is one
+effect on one joint. Its torque is a sum of columns times coefficients. Its shape is the set of parameters in which the
+columns are not linear, such as a delay. A row is one joint's torque. All torques are filtered to the judged band, the
+band of low frequencies in which the model is compared with the recordings.
 
 `lay_out` gives the position of each parameter in the vector, and `linearised` gives torque and Jacobian of every
 recording. `full_fit` uses both in its Gauss-Newton steps.
@@ -20,8 +25,8 @@ from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import OtherLaw, Shape
 
-# Relative step of finite differences. It is large because the torque of laws with memory (bristles, backlash) jumps if
-# a parameter changes.
+# Relative step of finite differences. The torque of laws with memory (bristles, backlash) jumps if a parameter changes.
+# A much smaller step would give the slope of single jumps, a much larger one would average over the curvature.
 _STEP = 0.03
 
 
@@ -55,7 +60,7 @@ class ModelLayout:
     """The terms of a nonlinear model and the positions of their parameters in the parameter vector.
 
     Attributes:
-        problem: Columns and fits in the judged band.
+        problem: Columns of the recordings in the judged band, their priors and bounds.
         operations: Motions of the logs with the torque of the given model, or of the model adjusted within its
             tolerances.
         term_slices: Slices of each term's parameters.
@@ -71,7 +76,7 @@ class ModelLayout:
         """Motion of one log with the model's torque, from which a term's columns are computed.
 
         If an effect displaces the links, the columns of the tolerance parameters are computed at the true positions of
-        the links. The columns of that effect itself are then computed from the given model, not from the adjusted one.
+        the links. So the columns of that effect itself are computed from the given model, not from the adjusted one.
         """
         columns = self.problem.columns
         of_given_model = slices.term.effect_joint in columns.displaced
@@ -130,7 +135,7 @@ def linearised(layout: ModelLayout, x: Float[Array, " p"]) -> Linearised:
 def torque_change(
     layout: ModelLayout, adjusted: ModelLayout, x: Float[Array, " p"]
 ) -> tuple[Float[Array, "_ nv"], ...]:
-    """Change of the terms' torque when their columns come from another model, for each log ``(n, nv)``."""
+    """Change of the terms' torque if their columns come from ``adjusted``, not ``layout``, for each log ``(n, nv)``."""
     out = tuple(np.zeros_like(residual) for residual in layout.problem.white.residual)
     for slices in layout.term_slices:
         if slices.term.effect.follows_model:
@@ -169,20 +174,21 @@ def _linearised_log(
     slopes = np.zeros((n, nv, layout.size))
     slopes[:, :, nuisances] = columns_of(problem, tuple(nuisances.tolist()), log)
     torque = slopes[:, :, nuisances] @ x[nuisances]
-    gains = [slices for slices in layout.term_slices if slices.term.effect.scales_joint]
+    torque_constants = [slices for slices in layout.term_slices if slices.term.effect.scales_joint]
     for slices in layout.term_slices:
-        if slices not in gains:
+        if slices not in torque_constants:
             at = slices.indices
             own, slopes[:, :, at] = _with_slopes(layout, slices, x[slices.coefficients], x[slices.shape], log)
             torque += own
-    for slices in gains:
-        # A torque constant scales the whole torque of its row, other terms included.
+    for slices in torque_constants:
+        # A wrong torque constant multiplies the whole torque of its row, other terms included, by one plus its
+        # coefficient.
         column = columns_of(problem, slices.term.columns, log)[:, :, 0]
         rows = np.any(column != 0, axis=0)
-        gain = x[slices.coefficients][0]
-        slopes[:, rows] *= 1.0 + gain
+        error = x[slices.coefficients][0]
+        slopes[:, rows] *= 1.0 + error
         slopes[:, rows, slices.coefficients.start] = column[:, rows] + torque[:, rows]
-        torque[:, rows] += gain * (column[:, rows] + torque[:, rows])
+        torque[:, rows] += error * (column[:, rows] + torque[:, rows])
     return torque, slopes
 
 
@@ -193,26 +199,28 @@ def _with_slopes(
     effect = slices.term.effect
     if effect.inertial == "point mass":
         columns = columns_of(layout.problem, slices.term.columns, log)
-        slope_of_mass = columns @ load_map(layout.problem.session.robot, slices.term, own)
-        return slope_of_mass @ own, slope_of_mass
+        slopes = columns @ load_map(layout.problem.session.robot, slices.term, own)
+        # The torque is homogeneous of degree one in mass and first moments, so it is their product with the slopes.
+        return slopes @ own, slopes
 
     def slope(k: int) -> Float[Array, "n nv"]:
         """Derivative of the torque with respect to coefficient or shape parameter ``k``, by central differences."""
         numbers = np.concatenate([own, shape])
-        # Coefficients have one scale, shape parameters their own.
+        # The step of a coefficient is relative to the largest one, as some may be zero; that of a shape, to itself.
         scaled_by = own if k < len(own) else numbers[k : k + 1]
         step = np.zeros(len(numbers))
         step[k] = _STEP * max(float(np.abs(scaled_by).max()), 1e-9)
         above, below = (
-            _torque_at(layout, slices, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
+            _torque_at(layout, slices, at[: len(own)], at[len(own) :], log) for at in (numbers + step, numbers - step)
         )
         return (above - below) / (2.0 * step[k])
 
     if effect.shape_is_estimate or effect.first_order:
+        # These laws are not linear in their coefficients, so their columns are no derivatives.
         return _torque_at(layout, slices, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
     columns = _columns_at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
-    more = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
-    return columns @ own, np.concatenate([columns, *more], axis=2)
+    of_shape = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
+    return columns @ own, np.concatenate([columns, *of_shape], axis=2)
 
 
 def _torque_at(
@@ -221,7 +229,8 @@ def _torque_at(
     """Torque of one term, in the judged band."""
     term = slices.term
     if isinstance(term.effect, Effect) and term.effect.first_order:
-        # The columns are to first order in the coefficients, the law is not.
+        # The columns are a first-order expansion, so the law itself is evaluated. It gives the torque on the joint; the
+        # additional torque of the drive has the opposite sign.
         operation = layout.operation_of(slices, log)
         theta = term.effect.from_coefficients(operation.robot, term.joint, own, ())
         torque = -term.effect.torque(operation.robot, operation, term.joint, theta)
@@ -247,6 +256,8 @@ def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Arr
 def _columns_at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log: int) -> Float[Array, "n nv k"]:
     """Columns of an effect at a shape, in the judged band."""
     term = slices.term
+    # The columns of the problem hold for the shape of the search and the given model. Columns of accelerations have had
+    # an additional low pass there.
     if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):
         return columns_of(layout.problem, term.columns, log)
     operation = layout.operation_of(slices, log)
@@ -258,9 +269,6 @@ def _columns_at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log
 
 
 def in_band(layout: ModelLayout, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
-    """Filter a series at the full rate into the judged band, as the recorded torque is filtered.
-
-    Columns of the problem that are made of accelerations were low-passed once more.
-    """
+    """A series at the full rate, filtered into the judged band as the recorded torque is."""
     session = layout.problem.session
     return session.log_in_judged_band(session.logs[log].band(x), log)
