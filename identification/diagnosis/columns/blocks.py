@@ -1,4 +1,4 @@
-"""Division of recordings into blocks, which are held out of fits."""
+"""Divides recordings into blocks, stretches of samples that are held out of fits together."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from identification.diagnosis import decision_rules as rules
 from identification.engine.products.blocks import FOLDS, Block
 from phantom_dyn.array_types import Float, Int
 
-# share of a joint's travel in all logs that a piece of a divided block has at most. With this size all folds may
-# contain a part of the travel.
+# Largest share of a joint's travel in all logs that a piece of a divided block has. With pieces of this size, every
+# fold may contain a part of the travel.
 _PIECE = 1.0 / FOLDS
 
-# times the mean travel per block: a block with more travel is divided.
+# A block is divided if its share of a joint's travel is more than this many times the mean share of a block.
 _UNEVEN = 2.0
 
-# periods of the judged band's edge: a shorter block has no independent samples.
+# Shortest piece of a divided block, in periods of the judged band's edge: a shorter one has no independent samples.
 _SHORTEST = 0.5
 
 
@@ -28,8 +28,8 @@ def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     If a joint moves only once, all information on its friction is in one block, and fits to the other blocks cannot
     predict that block. So it is divided into shorter blocks, each with an equal part of the joint's travel.
 
-    The core of a block excludes as many samples at its start as the filter's kernel is long. So the core shares no
-    noise with the block before.
+    The core of a block leaves out samples at its start, over half the length of the filter's kernel, because the filter
+    spreads noise from the block before into them.
     """
     period = 1.0 / cutoff_hz
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)

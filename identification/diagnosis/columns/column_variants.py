@@ -1,4 +1,7 @@
-"""Variants of the columns of a search: at the positions that the encoders read, and with a wider band."""
+"""Variants of the columns of a search: at the positions that the encoders read, and with a wider band.
+
+In a search, columns made of accelerations are low-passed to the judged band, the lower part of the band of the fits.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Selection of the columns that fits of a few effects need, for a smaller fitting problem."""
+"""Selects the columns that fits of a few effects need, for a smaller fitting problem."""
 
 from __future__ import annotations
 

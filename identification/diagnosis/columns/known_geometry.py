@@ -1,5 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Corrections from earlier measured poses: encoder zeros, joint elasticity, and placements of joints and targets."""
+"""Corrections that an earlier diagnosis of measured poses has found, applied to the robot and to new recordings.
+
+They are encoder zeros, joint elasticities, the pose of the base, and placements of joints and of measured targets.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
 
 
 def effects_on_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
-    """Known effects that a model of torques can have: all but those that only poses show."""
+    """Known effects that change torques: all but those that only poses show."""
     return tuple(one for one in known if one.effect not in OF_POSES)
 
 

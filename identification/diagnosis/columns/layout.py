@@ -1,8 +1,9 @@
 """Which effects are tried in a session, with which shapes, on which sets of joints, and the order of their columns.
 
 One cause may act on several joints with one common parameter: drives of one kind, one supply, one wrong current scale.
-Sets of such joints are guessed from the drives in the robot's file, and from the ratio of measured to modelled torque
-of each joint. If joints are sorted by that ratio, joints with a common cause are neighbours, so few sets are tried.
+Sets of such joints are guessed from the drives in the robot's file, and from the scale of each joint, the ratio of its
+measured to its modelled torque. If joints are sorted by scale, joints with a common cause are neighbours, so few sets
+are tried.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 
-# Largest number of sets of joints that are tried.
+# Largest number of sets of joints that are tried; those by drives come first, those by scales last.
 _MOST = 40
-# Largest ratio between the scales of joints that are tried together.
+# Largest ratio between the scales of joints of one set; joints with a larger ratio are not tried together by scale.
 _ALIKE = 1.5
-# Share of a joint's largest speed at which dry friction has its full size.
+# Share of a joint's largest speed below which the sign of its velocity, for dry friction, is smoothed.
 _SLOW = 0.02
 
 

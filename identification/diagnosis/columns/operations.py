@@ -27,9 +27,9 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# A parameter decreases by at most this share, even if its stated tolerance is larger.
+# Smallest relative change of a parameter, even if its stated tolerance is larger: masses stay above zero.
 _LEAST = -0.9
-# Step of the load for the derivative of a law, as a share of the load.
+# Step of the load for the numerical derivative of a law, as a share of the root mean square of the load.
 _LOAD_STEP = 1e-4
 
 
@@ -177,7 +177,7 @@ def expecting(operation: Operation, found: tuple[FoundEffect, ...]) -> Operation
 
 
 def _torque_of(operation: Operation, found: FoundEffect) -> Float[Array, "N nv"]:
-    """Drive torque of an effect of the last fit."""
+    """Additional drive torque by an effect of the last fit."""
     signature = found.effect.signature(operation.robot, operation, found.joint, found.shape)
     out = np.zeros_like(operation.tau)
     out[:, list(signature.rows)] = signature.columns @ found.coefficients

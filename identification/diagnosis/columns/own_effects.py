@@ -22,7 +22,8 @@ from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
-# Values of `Effect.changes_with` for each kind of change; an unknown payload is a point mass of its recording.
+# For each kind of change, the values of `Effect.changes_with` of the effects that may change. The kind ``payload`` is
+# not listed: an unknown payload is a point mass of its recording.
 _CHANGES: dict[Kind, tuple[str, ...]] = {
     "friction": ("friction",),
     "temperature": ("friction", "temperature"),

@@ -1,7 +1,9 @@
 """Regression columns of everything that may explain a residual: tolerance parameters of the model and every effect.
 
-The residual of a joint is measured minus modelled torque, in the analysed band. A fit explains the residual by a sum of
-columns times unknown coefficients. Columns of one recording are computed once; all fits use their Gram matrices.
+A row is one joint's torque. The residual of a row is measured minus modelled torque, in the frequency band of its
+recording. A fit explains the residual by a sum of columns times unknown coefficients. Columns of one recording are
+computed once; all fits use their Gram matrices. An effect gives its columns as a `Signature`: arrays at the full rate,
+and the rows on which they act. The judged band is the lower part of the band, in which the corrected model is judged.
 """
 
 from __future__ import annotations
@@ -45,12 +47,12 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
 _PIECE = 4096  # samples at the full rate whose regressor is in memory at once
-ColumnKey = tuple[str, str | None, Shape]
+ColumnKey = tuple[str, str | None, Shape]  # effect, joint and shape
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of all recordings of one robot, row by row (a row is a joint's torque).
+    """Columns of all recordings of one robot, row by row.
 
     Attributes:
         names: Name of each column: first tolerance parameters, then the rigid-body regressor, then effects.
@@ -65,8 +67,8 @@ class Columns:
         standstill_std: For each log, standard deviation of the friction torque of joints at standstill, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Blocks of columns of the effects.
-        displaced: Effects and joints that displace links or turn gravity. The columns of tolerance parameters and rigid
-            bodies are computed at these true positions.
+        displaced: Names and joints of the effects that displace links or turn gravity. The columns of tolerance
+            parameters and rigid bodies are computed at the true positions and gravity according to these effects.
     """
 
     names: tuple[str, ...]
@@ -161,7 +163,7 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
 def columns_by_log(
     session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()
 ) -> tuple[Columns, Callable[[int], tuple[Float[Array, "n k"], ...]]]:
-    """As `columns_like`, but without values, and a function that computes the values of one log.
+    """The columns of `columns_like` without their values, and a function that computes the values of one log.
 
     The values of all logs together may not fit in memory.
     """
@@ -178,7 +180,12 @@ def columns_by_log(
 
 @dataclass(frozen=True)
 class _GivenPart:
-    """Parts that no fit changes: the given model's torque, the residual, and the columns of model parameters."""
+    """Parts that no fit changes.
+
+    Attributes:
+        operations, model_torque, residual, usable, reversal_std: As in `Columns`.
+        of_model: For each log and row, the columns of tolerance parameters and rigid bodies.
+    """
 
     operations: tuple[Operation, ...]
     of_model: tuple[list[list[Float[Array, " n"]]], ...]
@@ -193,7 +200,7 @@ def _given_part(session: Session) -> _GivenPart:
     robot, logs = session.robot, session.logs
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
     moves = moving(logs)
-    # Joints that a recording shows too little to be used, because another recording shows more of them.
+    # Rows that are not used: another recording shows more of the joint.
     unused = two_numbers_beside_more(logs, moves)
     operations = tuple(
         operate(robots[k], held(log) if (unused[k] | ~moves[k]).all() else log, session.known, k, session.cutoff_hz)
@@ -339,7 +346,7 @@ def effect_columns(
 ) -> tuple[Float[Array, "n c"], ...]:
     """In-band columns of one effect in one log, an array for each row.
 
-    Parts made of accelerations are low-passed to ``edge_hz``.
+    Columns made of accelerations are low-passed to ``edge_hz``, except their `Signature.steps`.
     """
     band = session.logs[log].band
     signature = block.effect.signature(operation.robot, operation, block.joint, block.shape)

@@ -27,9 +27,9 @@ from phantom_dyn.haptics.experiments.frequency_response import (
 )
 from phantom_dyn.model.robot import Robot
 
-# Largest frequency, as a share of the sampling rate: up to there a sampled torque is accurate to a per cent.
+# Highest frequency used, as a share of the sampling rate: up to there a sampled torque is accurate to a per cent.
 _HIGHEST = 0.2
-# Least number of segments of a recording.
+# Smallest number of lengths of a segment in a recording: spectra are averaged over segments.
 _SEGMENTS = 12
 _LONGEST = 8.0  # largest length of a segment [s]: lines of the spectrum are then an eighth of a hertz apart
 

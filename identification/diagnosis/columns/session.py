@@ -1,4 +1,8 @@
-"""Data of one diagnosis: a robot, its recordings in a common band, and the blocks that each fit may use."""
+"""Data of one diagnosis: a robot, its recordings in a common band, and the blocks that each fit may use.
+
+All logs are filtered to one frequency band, in which effects are fitted. The judged band is the lower part of that
+band. In it, the residual is judged.
+"""
 
 from __future__ import annotations
 

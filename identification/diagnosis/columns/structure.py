@@ -1,9 +1,13 @@
-"""Generic structures of a residual that match no effect of the catalogue, and make a gap `unknown`.
+"""Generic structures of a torque residual for causes that the catalogue of effects lacks.
 
 Each is a small group of columns for a class of causes: a slow change with time, a periodic force, a force that depends
-on the position, drag that grows with the square of the speed, and drives that weaken with the load of all joints. They
-compete with the effects of the catalogue at the price of their parameters. So an effect that only resembles the true
-structure is not claimed, and an effect of the catalogue beside such a structure is still found.
+on the position, drag that grows with the square of the speed, and drives that weaken with the load of all joints. If
+the search chooses a structure, the cause of that part of the residual is reported as `unknown`. Structures compete with
+the effects of the catalogue at the price of their parameters. So an effect that only resembles the true structure is
+not claimed, and an effect of the catalogue beside such a structure is still found.
+
+The regime of a structure is the part of the motion in which it is largest. Its signature is its columns and the joints
+on which they act.
 """
 
 from __future__ import annotations
@@ -20,7 +24,8 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging
 
 _SLOW = 3  # largest number of half waves of a drift within the recording
-# If position and velocity of the joint can make this share of a rhythm, it is no rhythm but an effect of the motion.
+# If the joint's position and velocity explain more than this share of the squares of sine and cosine at a frequency, a
+# torque at that frequency is no rhythm but an effect of the motion.
 _OF_THE_MOTION = 0.9
 
 
@@ -41,16 +46,16 @@ class Drift(Rival):
     Args:
         name: Name of the structure.
         steady: Name of the effect without the change over time.
-        whole: Gives the column of the steady effect on a joint of the recording.
+        column: Gives the column of the steady effect for an operation and the index of a joint.
         made_of: Series from which the column is made.
     """
 
     regime = "time_drift"
 
     def __init__(
-        self, name: str, steady: str, whole: Callable[[Operation, int], Array], made_of: tuple[Source, ...] = ()
+        self, name: str, steady: str, column: Callable[[Operation, int], Array], made_of: tuple[Source, ...] = ()
     ):
-        self.name, self._steady, self._whole, self.made_of = name, (steady,), whole, made_of
+        self.name, self._steady, self._column, self.made_of = name, (steady,), column, made_of
 
     @property
     def contains(self) -> tuple[str, ...]:
@@ -59,9 +64,9 @@ class Drift(Rival):
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Columns of the steady effect, times one and times slow cosines of time."""
-        whole = self._whole(operation, row_of(robot, joint))
+        steady = self._column(operation, row_of(robot, joint))
         phase = np.pi * (operation.t - operation.t[0]) / max(operation.t[-1] - operation.t[0], 1e-9)
-        return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
+        return _on_row(robot, joint, [steady * np.cos(k * phase) for k in range(_SLOW + 1)])
 
 
 class OfDrive(Drift):
@@ -91,6 +96,7 @@ class Rhythm(Rival):
         power = np.abs(np.fft.rfft(residual * np.hanning(len(residual)), 4 * len(residual))) ** 2
         frequency = np.fft.rfftfreq(4 * len(residual), operation.dt)
         seconds = operation.t[-1] - operation.t[0]
+        # Slower waves are drifts.
         power[(frequency < 4.0 / seconds) | (frequency > 25.0)] = 0.0
         out = []
         for _ in range(2):
@@ -118,8 +124,8 @@ def _swings_at(hertz: float, operation: Operation, j: int) -> bool:
     phase = 2 * np.pi * hertz * (operation.t - operation.t[0])
     waves = np.column_stack([np.sin(phase), np.cos(phase)])
     own = np.column_stack([np.ones(len(phase)), operation.q[:, j], operation.v[:, j]])
-    left = waves - own @ np.linalg.lstsq(own, waves, rcond=None)[0]
-    return bool(np.sum(left**2) < (1.0 - _OF_THE_MOTION) * np.sum(waves**2))
+    residual = waves - own @ np.linalg.lstsq(own, waves, rcond=None)[0]
+    return bool(np.sum(residual**2) < (1.0 - _OF_THE_MOTION) * np.sum(waves**2))
 
 
 class Field(Rival):

@@ -21,8 +21,8 @@ from phantom_dyn.effects.rival import Rival, Shape
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import joined_bases
 
-# If the mean of a joint's load is more than this many of its standard deviations, the data do not separate torque that
-# grows with the load from torque that does not.
+# A joint's load counts as steady if its mean is more than this many of its standard deviations. The data then do not
+# separate torque that grows with the load from torque that does not.
 _STEADY = 3.0
 
 # Fields of an operation with one row for each sample.
@@ -69,7 +69,7 @@ class Term:
         joint: Its joint, None for the whole robot.
         shape: Parameters in which the torque is nonlinear, () if there are none.
         columns: Indices of its columns among all columns.
-        size: Number of parameters: coefficients, and shape parameters that are fitted.
+        size: Number of fitted parameters: coefficients and shape parameters.
         lower, upper: Bounds of each coefficient.
     """
 
@@ -148,7 +148,7 @@ def shapes_of(
 
 
 def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bool:
-    """True if the load of a joint varies little compared with its mean."""
+    """True if the load of a joint (the torque that its transmission passes) varies little compared with its mean."""
     if joint not in robot.joint_names:
         return False
     load = operation.transmitted[:, robot.joint_names.index(joint)]
@@ -194,7 +194,10 @@ def untestable_effects(
 
 
 def merged(operations: tuple[Operation, ...]) -> Operation:
-    """All operations in succession, as one; to be used for ranges and periodograms only, as it jumps in between."""
+    """All operations in succession, as one.
+
+    The motion jumps from one operation to the next, so the result is used for ranges and periodograms only.
+    """
     if len(operations) == 1:
         return operations[0]
     start, times = 0.0, []

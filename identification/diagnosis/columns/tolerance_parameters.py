@@ -1,6 +1,6 @@
 """Parameters of the model that may change within its stated tolerances, and the column of each in the regression.
 
-They are nuisances: the torque that they explain is not part of the gap.
+They are nuisances: fits include them, but the torque that they explain is no fault of the model and needs no effect.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def tolerance_parameters(robot: Robot) -> tuple[ToleranceParameter, ...]:
     if robot.floating:
         errors = SENSOR_ERRORS.items()
         out += [ToleranceParameter(name, sigma, 2 * sigma, BASE, name, relative=False) for name, sigma in errors]
-    # The unknown part of the alignment of torque and motion: a fraction of a sample.
+    # Torque and motion are aligned except for an unknown fraction of a sample.
     out.append(ToleranceParameter("timing of the torque", 0.25, 0.5, TIMING, None, relative=False))
     return tuple(out)
 

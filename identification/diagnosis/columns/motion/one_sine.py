@@ -17,7 +17,8 @@ from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
 from phantom_dyn.array_types import Array, Bool
 
-# Lowest harmonic of a sine that dry friction excites, as a multiple of its frequency.
+# Lowest harmonic of a sine that dry friction excites, as a multiple of its frequency. A band that ends below this
+# harmonic shows two numbers only.
 _HARMONIC = 3.0
 
 

@@ -21,7 +21,8 @@ from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import BaseMotion, Motion
 
-# Range of the fitted softness, as a share of that of MuJoCo's law, in each part of a recording.
+# Range of the fitted softness, as a share of that of MuJoCo's law, in each part of a recording. If a part is outside,
+# the robot gets no soft friction.
 _LEAST, _MOST = 0.5, 1.5
 _PARTS = 5  # number of equal parts of a recording, each of which has to show softness
 # Number of iterations for friction torque and softness together; after one, estimates already agree to a percent.
@@ -77,48 +78,48 @@ def with_shown_friction(robot: Robot, recorded: Sequence[Recorded], known: Float
     """
     if not any(robot.soft_friction):
         return robot
-    bases = [_bodies(robot, one) for one in recorded]
+    regressors = [_regressor_in_band(robot, one) for one in recorded]
     shown = np.array(known, dtype=float)
     for _ in range(_ESTIMATES):
-        robot = _rubbing(robot, shown)
+        robot = _with_dry_friction(robot, shown)
         missing = [
-            _missing(robot, row, recorded, bases, shown[row] - known[row]) if soft is not None else 0.0
+            _missing(robot, row, recorded, regressors, shown[row] - known[row]) if soft is not None else 0.0
             for row, soft in enumerate(robot.soft_friction)
         ]
         shown = known + np.array(missing)
-    robot = _rubbing(robot, shown)
-    return robot if _rubs_softly(robot, recorded, bases, shown - known) else replace(robot, soft_friction=())
+    robot = _with_dry_friction(robot, shown)
+    return robot if _shows_softness(robot, recorded, regressors, shown - known) else replace(robot, soft_friction=())
 
 
-def _rubbing(robot: Robot, beyond_model: Float[Array, " nv"]) -> Robot:
+def _with_dry_friction(robot: Robot, beyond_model: Float[Array, " nv"]) -> Robot:
     """The robot whose joints with soft friction have the Coulomb torque ``beyond_model`` beyond the modelled one."""
     soft = zip(robot.soft_friction, beyond_model.tolist(), strict=True)
     return replace(robot, soft_friction=tuple(s and replace(s, beyond_model=torque) for s, torque in soft))
 
 
-def _rubs_softly(robot: Robot, recorded: Sequence[Recorded], bases: list[Array], missing: Array) -> bool:
+def _shows_softness(robot: Robot, recorded: Sequence[Recorded], regressors: list[Array], missing: Array) -> bool:
     """True if every part of the recordings shows the soft friction in its expected size; False without soft joints."""
     joints = soft_joints(robot)
     if not joints:
         return False
     rows = [robot.joint_names.index(joint) for joint in joints]
-    for one, bodies in zip(recorded, bases, strict=True):
-        both, squares = np.sum([_part(robot, row, one, bodies, missing[row]) for row in rows], axis=0)
+    for one, regressor in zip(recorded, regressors, strict=True):
+        both, squares = np.sum([_products_by_part(robot, row, one, regressor, missing[row]) for row in rows], axis=0)
         shown = both / np.maximum(squares, 1e-300)
         if not np.all((shown > _LEAST) & (shown < _MOST)):
             return False
     return True
 
 
-def _bodies(robot: Robot, one: Recorded) -> Float[Array, "n nv p"]:
-    """Columns of all inertial parameters at the samples of the band."""
+def _regressor_in_band(robot: Robot, one: Recorded) -> Float[Array, "n nv p"]:
+    """Rigid-body regressor of one recording at the samples of the band."""
     operation, _, band = one
     state, base = (operation.t, operation.q, operation.v, operation.a), operation.base
     slow = None if base is None else BaseMotion(band(base.w), band(base.dw), band(base.f))
     return rigid_body_regressor(robot, Motion(*(band(x) for x in state), base=slow))
 
 
-def _columns(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) -> tuple[Array, Array, Array]:
+def _columns(robot: Robot, row: int, one: Recorded, regressor: Array, missing: float) -> tuple[Array, Array, Array]:
     """Columns of other errors that a joint may have, of its Coulomb friction, and of soft minus Coulomb friction."""
     operation, _, band = one
     v, a = operation.v[:, row], operation.a[:, row]
@@ -126,32 +127,34 @@ def _columns(robot: Robot, row: int, one: Recorded, bodies: Array, missing: floa
     late = np.gradient(operation.tau[:, row] + missing * np.sign(v))
     others = band(np.column_stack([np.ones(len(v)), v, a, late]))
     soft = softness(robot, operation, robot.joint_names[row])[:, row]
-    return np.hstack([others, bodies[:, row]]), band(np.sign(v)), band(soft)
+    return np.hstack([others, regressor[:, row]]), band(np.sign(v)), band(soft)
 
 
-def _missing(robot: Robot, row: int, recorded: Sequence[Recorded], bases: list[Array], missing: float) -> float:
+def _missing(robot: Robot, row: int, recorded: Sequence[Recorded], regressors: list[Array], missing: float) -> float:
     """Coulomb torque that the recordings show on a joint and the given model lacks."""
-    parts = [_columns(robot, row, one, bodies, missing) for one, bodies in zip(recorded, bases, strict=True)]
+    parts = [_columns(robot, row, one, regressor, missing) for one, regressor in zip(recorded, regressors, strict=True)]
     others, dry, soft = (np.concatenate([part[k] for part in parts]) for k in range(3))
     lacking = np.concatenate([band(lacking[:, row]) for _, lacking, band in recorded])
-    rest = _without(np.column_stack([dry, soft, lacking]), others)
-    return float(np.linalg.lstsq(rest[:, :2], rest[:, 2], rcond=None)[0][0])
+    projected = _without(np.column_stack([dry, soft, lacking]), others)
+    return float(np.linalg.lstsq(projected[:, :2], projected[:, 2], rcond=None)[0][0])
 
 
-def _part(robot: Robot, row: int, one: Recorded, bodies: Array, missing: float) -> Float[Array, "2 parts"]:
+def _products_by_part(
+    robot: Robot, row: int, one: Recorded, regressor: Array, missing: float
+) -> Float[Array, "2 parts"]:
     """For each part of the recording: product of a joint's softness and missing torque, and square of the softness.
 
-    Components that friction, bodies, rotor or a shift in time could explain are first projected out of both.
+    Components that friction, inertias, a rotor or a shift in time could explain are first projected out of both.
     """
-    others, dry, soft = _columns(robot, row, one, bodies, missing)
+    others, dry, soft = _columns(robot, row, one, regressor, missing)
     _, lacking, band = one
-    both = _without(np.column_stack([soft, band(lacking[:, row])]), np.column_stack([others, dry]))
-    pieces = np.array_split(both, _PARTS)
+    projected = _without(np.column_stack([soft, band(lacking[:, row])]), np.column_stack([others, dry]))
+    pieces = np.array_split(projected, _PARTS)
     return np.array([[float(x[:, 0] @ x[:, k]) for x in pieces] for k in (1, 0)])
 
 
 def _without(columns: Float[Array, "n k"], basis: Float[Array, "n m"]) -> Float[Array, "n k"]:
-    """Columns minus their projection onto a basis."""
+    """Columns minus their projection onto the columns of a basis."""
     size = np.linalg.norm(basis, axis=0)
     scaled = basis / np.where(size > 0, size, 1.0)
     return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=None)[0]

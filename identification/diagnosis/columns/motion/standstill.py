@@ -24,10 +24,10 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
 
-# Orders of the differences from which the noise is estimated, and least number of samples.
+# Orders of the differences from which the noise of readings is estimated, and the least number of samples for that.
 _ORDERS, _LEAST_ROWS = (3, 5, 8, 11), 60
-# Smallest travel of a joint that moves: in rad or m, and in standard deviations of its readings. A joint held by its
-# drive may sag by less, slowly and without noise.
+# The noise of readings is used only if a joint travels farther than both: the first in rad or m, the second in standard
+# deviations of its readings. A joint held by its drive may sag by less, slowly and without noise.
 _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
 # The direction of a slow joint counts as hidden by its encoder under three conditions (`direction_hidden`): over this
 # time [s], its net travel as a share of its path exceeds the mean sign of its velocity by more than the second number,
@@ -36,8 +36,8 @@ _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
 _WATCHED, _HIDDEN, _COUNTS = 0.25, 0.3, 8.0
 # Factor by which the noise is assumed to be larger than the estimate for white noise, as it is not white.
 _CAUTION = 3.0
-# Largest share of standstill, weighted by the filter's kernel, in a sample of the judged band. A quarter of the kernel
-# at either end has this weight.
+# A sample of the band is used if its share of standstill, weighted by the filter's kernel, is below this. A quarter of
+# the kernel at either end has this weight.
 _STANDING = 0.055
 
 
@@ -190,13 +190,13 @@ def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"
     """
     v = log.motion.v
     width = max(3, round(_WATCHED * log.band.rate_hz))
-    way, net, sign = (
+    path, net, sign = (
         ndimage.uniform_filter1d(part, width, axis=0, mode="nearest") for part in (np.abs(v), v, np.sign(v))
     )
-    hidden = (np.abs(net) > (np.abs(sign) + _HIDDEN) * way) & (way * _WATCHED < _COUNTS * steps)
+    hidden = (np.abs(net) > (np.abs(sign) + _HIDDEN) * path) & (path * _WATCHED < _COUNTS * steps)
     half = width // 2
-    longer = np.pad(hidden, ((half, half), (0, 0)), mode="edge")
-    return longer[: len(v)] & longer[2 * half :]
+    padded = np.pad(hidden, ((half, half), (0, 0)), mode="edge")
+    return padded[: len(v)] & padded[2 * half :]
 
 
 def counted_step(robot: Robot, log: Log, row: int) -> float:
@@ -222,7 +222,7 @@ def standstill_std(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
         stands: True where the reading of a joint does not change.
         friction: Friction torque of the model, findings included.
     """
-    return _carried(log, np.sqrt(4.0 / 3.0) * np.where(stands, _about(log, friction), 0.0))
+    return _after_filter(log, np.sqrt(4.0 / 3.0) * np.where(stands, _largest_nearby(log, friction), 0.0))
 
 
 def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
@@ -237,8 +237,8 @@ def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv
     v = log.motion.v
     slow = np.abs(v) < rules.CREEPING_SPEED * np.percentile(np.abs(v), 99, axis=0)
     reach = 2 * max(1, round(rules.CREEPING_TIME * log.band.rate_hz)) + 1
-    creeps = np.logical_or(slow, ndimage.maximum_filter1d(_crossing(v), reach, axis=0))
-    return _carried(log, rules.CREEPING_FRICTION * np.where(creeps, _about(log, friction), 0.0))
+    creeps = np.logical_or(slow, ndimage.maximum_filter1d(_after_reversals(v), reach, axis=0))
+    return _after_filter(log, rules.CREEPING_FRICTION * np.where(creeps, _largest_nearby(log, friction), 0.0))
 
 
 def uncertain_friction_variance(
@@ -266,19 +266,19 @@ def noise_share(noise: Array | float, friction: Array) -> Array:
     return noise / np.maximum(noise + friction, 1e-300)
 
 
-def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+def _largest_nearby(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     """Largest friction torque near each sample, where a law lets it jump at a reversal."""
     reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
     return ndimage.maximum_filter1d(np.abs(friction), reach, axis=0)
 
 
-def _carried(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+def _after_filter(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Upper limit of a standard deviation after the filter of the band: its sum weighted by the kernel's magnitude."""
     band = log.band
     return Band(band.rate_hz, band.cutoff_hz, np.abs(band.kernel), band.step)(deviation)
 
 
-def _crossing(v: Float[Array, "N nv"]) -> Bool[Array, "N nv"]:
+def _after_reversals(v: Float[Array, "N nv"]) -> Bool[Array, "N nv"]:
     """True at the first sample after each reversal."""
     return np.vstack([np.zeros((1, v.shape[1]), dtype=bool), np.sign(v[1:]) != np.sign(v[:-1])])
 
@@ -286,4 +286,4 @@ def _crossing(v: Float[Array, "N nv"]) -> Bool[Array, "N nv"]:
 def near_reversals(log: Log) -> Bool[Array, "n nv"]:
     """True for in-band samples near a reversal: within half the reach of the filter, and at least within 50 ms."""
     reach = max(int(0.05 * log.band.rate_hz), log.band.half // 2, 1)
-    return ndimage.maximum_filter1d(_crossing(log.motion.v), 2 * reach + 1, axis=0)[log.samples]
+    return ndimage.maximum_filter1d(_after_reversals(log.motion.v), 2 * reach + 1, axis=0)[log.samples]
