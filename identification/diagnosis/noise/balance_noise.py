@@ -1,9 +1,10 @@
-"""Estimates the white noise of measured minus modelled torque, at frequencies above the band of the motion.
+"""Estimates the white noise of measured minus modelled torque (the balance), above the band of the motion.
 
-This noise has two sources: noise of the torque readings, and torque ripple of a drive that does not follow its command
-exactly. Above the band of the motion, jumps of friction, backlash and contacts add power too, but only for short times.
-So the power is estimated by the median over the time in which the joint travels. The contribution of encoder noise is
-subtracted.
+The band of the motion contains the frequencies at which the robot moves noticeably; the frequencies above it are
+divided into sub-bands. The noise of the balance has two sources: noise of the torque readings, and torque ripple of a
+drive that does not follow its command exactly. Above the band of the motion, jumps of friction, backlash and contacts
+add power too, but only for short times. So the power is estimated by the median over the time in which the joint
+travels. The contribution of encoder noise is subtracted.
 """
 
 from __future__ import annotations
@@ -30,13 +31,14 @@ _RATIO = 2.0  # ratio of the ends of a sub-band; the filter of an octave rings f
 # Time before and after a stop or a reversal in which friction adds power, in periods of a sub-band's lowest frequency.
 _AROUND = 1.0
 _FEWEST = 40.0  # independent values in a sub-band: with fewer its power is uncertain by more than a third
-_OF_ENCODERS = 0.5  # largest share of a sub-band's power from encoder noise: beyond, the difference is too uncertain
+# From this share of a sub-band's power on, encoder noise hides the torque noise: the difference is too uncertain.
+_OF_ENCODERS = 0.5
 _EFFICIENCY = 0.37  # efficiency of the median of squares relative to their mean
-# If torque noise is a smaller share of a sub-band's power than this, it may only be an error of the computed encoder
-# noise.
+# Uncertainty of the computed encoder noise, as a share of a sub-band's power that encoder noise dominates. A smaller
+# remaining power may be no torque noise at all.
 _HIDDEN = 0.3
-# Where encoder noise hides the torque noise, the torque noise is assumed to have this share of its largest possible
-# power, which is a quarter of the amplitude.
+# If encoder noise hides the torque noise in all sub-bands, the torque noise is assumed to have this share of its
+# largest possible power, which is a quarter of the amplitude.
 _BETWEEN = 1.0 / 16.0
 _STEEPEST = 2.0  # largest slope of noise that falls with frequency, as a power: that behind a first-order lag
 # At most this many sub-bands, those with the least power, are averaged. Motion and effects raise the others.

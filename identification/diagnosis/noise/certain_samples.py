@@ -1,8 +1,9 @@
-"""Estimates the variance of torque noise from samples in which the joint moves.
+"""Estimates the variance of torque noise from samples in which friction is certain: those in which the joint moves.
 
-A joint at standstill has any friction up to its breakaway torque, so its residual there may be many times its noise. In
-a recording that is mostly standstill, this residual would count as noise, and would hide friction that is plain in
-motion. Errors at reversals count as noise: they recur with the motion, so that they do not average out.
+A row is one joint's torque. The noise of a row is the part of its residual that no fit predicts. A joint at standstill
+has any friction up to its breakaway torque, so its residual there may be many times its noise. In a recording that is
+mostly standstill, this residual would count as noise, and would hide friction that is plain in motion. Errors at
+reversals count as noise: they recur with the motion, so that they do not average out.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from identification.diagnosis.columns.motion.standstill import noise_share
 from identification.diagnosis.columns.residual_columns import Columns
 from phantom_dyn.array_types import Array, Bool, Float
 
-_ROUNDS = 30  # most iterations between variance and weights
+_ROUNDS = 30  # largest number of iterations between variance and weights
 _CONVERGED = 0.99  # ratio of two successive variances above which the iteration has converged
 
 
-def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> float:
+def certain_variance(squares: Float[Array, " n"], friction: Float[Array, " n"]) -> float:
     """Variance of the noise, in which samples with uncertain friction have a low weight.
 
     The weights depend on the variance (`noise_share`). Both are computed in turn, starting from the mean of all
@@ -28,13 +29,13 @@ def certain_variance(squares: Float[Array, " n"], doubt: Float[Array, " n"]) -> 
 
     Args:
         squares: Squared noise of each usable sample.
-        doubt: Variance of the friction at standstill in each of these samples.
+        friction: Variance of the friction at standstill in each of these samples.
     """
     if not len(squares):
         return 0.0
     variance = float(np.mean(squares))
     for _ in range(_ROUNDS):
-        weights = noise_share(variance, doubt) ** 2
+        weights = noise_share(variance, friction) ** 2
         # The effective number of samples is sum(w)^2 / sum(w^2).
         if weights.sum() ** 2 < rules.SURE_SHARE * len(squares) * (weights @ weights):
             break

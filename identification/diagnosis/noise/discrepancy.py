@@ -17,8 +17,9 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.model.robot import Robot
 
-# Upper limit of both parts together, as a share of the torque: a fifth of the torque of an ordinary effect. An error
-# that an earlier diagnosis has found in another recording may be as large as an ordinary effect.
+# Upper limit of the errors of torque and friction together, as a share of the torque: a fifth of the torque of an
+# ordinary effect. Errors that an earlier diagnosis has found in another recording have a limit of their own: they may
+# be as large as an ordinary effect.
 MOST = 0.02
 
 

@@ -1,5 +1,6 @@
 """Estimates the spurious torque, and spurious gains of effects, that encoder noise causes (errors in variables).
 
+The gain of an effect is the decrease of the weighted squared residual if the fit also contains the effect.
 Columns and modelled torque are computed from the same measured positions. Both contain the same noise, so a fit can
 explain noise by noise. Resampling of residuals does not show this. So the recording is simulated: its smooth motion is
 taken as the true one, new encoder noise of the same kind is added, and columns and torque are computed again.
@@ -34,7 +35,7 @@ from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-# Step [rad or m] of an encoder that is practically exact.
+# Step [rad or m] of an encoder that is practically exact: rounding to it causes no torque.
 _FINE = 1e-12
 
 
@@ -163,7 +164,7 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
 
 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
-    """Noise of each row: the estimate, or the noise of the encoders if the estimate is smaller.
+    """Noise of each row (one joint's torque): the estimate, or the noise of the encoders if the estimate is smaller.
 
     The estimate comes from flexible fits. They explain encoder noise by columns with the same noise, so that the
     estimate is too small.

@@ -1,4 +1,9 @@
-"""Noise of each joint's torque residual: the part that no flexible fit predicts on held-out blocks."""
+"""Noise of each joint's torque residual: the part that no flexible fit predicts on held-out blocks.
+
+A flexible fit is a ridge regression on many columns and on random features of the joint's state. A row is one joint's
+torque. Fits use a wide frequency band; the judged band is its lower part, in which the corrected model is judged. The
+noise floor of a joint is the root mean square of its noise in the judged band.
+"""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ from identification.data.log import Log
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
 
-_ORDERS = (2, 3, 4, 6)  # orders of differences: a higher one removes more of the motion; the smallest result is taken
-_FEWEST = 50  # smallest number of readings from which a noise is estimated
+_ORDERS = (2, 3, 4, 6)  # orders of differences: a higher one removes more of the motion; the smallest noise is taken
+_FEWEST = 50  # smallest number of readings from which a noise is estimated; with fewer it is unknown
 # A step is wrong if the differences of readings would be more than this many times as large after rounding to it.
 _COARSER = 1.5
 
@@ -73,7 +73,7 @@ def reading_noise(log: Log, row: int) -> ReadingNoise | None:
 
 
 def white_part(readings: Float[Array, " N"], valid: Bool[Array, " N"]) -> float:
-    """Standard deviation of white noise whose differences are as large as those of the readings.
+    """Standard deviation [rad or m] of white noise whose differences are as large as those of the readings.
 
     Args:
         readings: Readings of a smooth motion [rad or m].

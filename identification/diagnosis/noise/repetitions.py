@@ -23,8 +23,9 @@ _UNLIKE = 0.5
 # Smallest sum of squares of the velocities in two overlapping stretches, as a share of that of the weaker recording.
 _LEAST_OVERLAP = 0.1
 _WINDOW = 0.5  # time [s] over which two stretches have to agree
-_SLOW = 0.01  # a joint whose velocity is below this share of the fastest joint's is not compared
-_LEAST = 20.0  # smallest number of independent differences: with fewer the noise is uncertain by more than a sixth
+_SLOW = 0.01  # a joint whose usual velocity is below this share of the fastest joint's is not compared
+# Smallest number of independent differences: with fewer the noise is uncertain by more than a sixth, and not estimated.
+_LEAST = 20.0
 # A drive with a loose controller repeats its motion to some per cent only. Two such motions are compared if their
 # velocities differ by at most the share `_LOOSELY`. The error of the model differs between them, too. So the comparison
 # counts only if this difference is less than the share `_OF_MODEL` of the estimated noise.

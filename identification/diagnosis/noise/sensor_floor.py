@@ -1,10 +1,12 @@
 """Noise floor of each joint: the noise of its sensors, propagated to the torque in the judged band.
 
-New encoder noise is drawn for the smooth motion and propagated through derivatives, model and filters. The noise of the
-torque is assumed to be white. Its density is that of the torque readings or, if the torque is a command, that of the
-measured minus the modelled torque (the torque balance). If the density of the balance rises towards the band of the
-motion, the noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. No
-fitted model and no flexible predictor is used, because a torque that these do not predict need not be noise.
+The judged band, also called the band of the motion, has the low frequencies in which the corrected model is judged. New
+encoder noise is drawn for the smooth motion and propagated through derivatives, model and filters. The noise of the
+torque is assumed to be white. Its density (power per hertz) is measured above the judged band, where hardly any motion
+is. It is the smaller of two densities: that of the torque readings, which a commanded torque does not have, and that of
+the measured minus the modelled torque (the balance). If the density of the balance rises towards the judged band, the
+noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. No fitted model
+and no flexible predictor is used, because a torque that these do not predict need not be noise.
 """
 
 from __future__ import annotations
@@ -117,8 +119,8 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
         ]
         balance = _mean_density(each, seconds)
         # A commanded torque has no reading noise. Above the band of the motion it is the response of the controller.
-        seen = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
-        out.append(_smaller_density(seen, balance))
+        by_sensor = None if robot.torque_source == "command" else torque_noise(logs, j, held=robot.torque_hold == "zoh")
+        out.append(_smaller_density(by_sensor, balance))
     return out
 
 
@@ -127,8 +129,8 @@ def joints_that_rise(densities: list[Density | None]) -> list[bool]:
 
     The drives of a robot are alike. So if the noise of most joints rises, that of every joint is assumed to rise.
     """
-    seen = [density.rises for density in densities if density is not None]
-    most_rise = 2 * sum(seen) > len(seen)
+    rises = [density.rises for density in densities if density is not None]
+    most_rise = 2 * sum(rises) > len(rises)
     return [density is not None and (density.rises or most_rise) for density in densities]
 
 
@@ -141,21 +143,21 @@ def _balance_density(bands: list[SubBand], judged_hz: float, seconds: float, dev
     return replace(density, rises=rises, rising=rising)
 
 
-def _smaller_density(seen: Density | None, balance: Density | None) -> Density | None:
+def _smaller_density(of_readings: Density | None, balance: Density | None) -> Density | None:
     """The smaller of two estimates, each of which may be too large; None if both are unknown.
 
     Jumps of friction increase the density of the readings, errors of the model increase that of the balance. If encoder
     noise dominates the balance, the result is the density of the readings, limited to the upper end of the balance.
 
     Args:
-        seen: Density of the torque readings.
+        of_readings: Density of the torque readings.
         balance: Density of measured minus modelled torque.
     """
-    if seen is not None and balance is not None and balance.may_be_nothing:
-        return Density(min(seen.value, balance.high), balance.low, balance.high)
-    if seen is None or balance is None:
-        return seen or balance
-    return replace(min(seen, balance, key=lambda one: one.value), rises=balance.rises, rising=balance.rising)
+    if of_readings is not None and balance is not None and balance.may_be_nothing:
+        return Density(min(of_readings.value, balance.high), balance.low, balance.high)
+    if of_readings is None or balance is None:
+        return of_readings or balance
+    return replace(min(of_readings, balance, key=lambda one: one.value), rises=balance.rises, rising=balance.rising)
 
 
 def _mean_density(each: list[Density | None], weights: list[float]) -> Density | None:

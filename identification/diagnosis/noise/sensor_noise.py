@@ -1,4 +1,8 @@
-"""Estimates the noise of torque readings from their spectrum above the band of the motion."""
+"""Estimates the noise of torque readings from their spectrum above the band of the motion.
+
+The band of the motion contains the frequencies at which the robot moves noticeably. Its edge is that of the band to
+which the recording is filtered. The power density of a noise is its power per hertz.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +18,9 @@ from phantom_dyn.signals.spectra import cross_density, power_density
 
 _BANDS = 4  # number of parts of the band above the motion
 _TAIL = 2  # index of the first part of the upper half of the band, in which the noise has to be white
-_LEAST_BINS = 4  # smallest number of bins of a spectrum in each part
-_SEGMENTS = 16  # smallest number of segments of a recording: with fewer the spectrum is too rough
-ABOVE_MOTION = 1.5  # lowest frequency used, as a multiple of the judged band's edge: hardly any motion is above it
+_LEAST_BINS = 4  # smallest number of bins of a spectrum in each part; with fewer the noise is unknown
+_SEGMENTS = 16  # smallest number of half-overlapping segments over which a spectrum is averaged: with fewer it is rough
+ABOVE_MOTION = 1.5  # lowest frequency used, as a multiple of the edge of the band: hardly any motion is above it
 _TOP = 0.4  # highest frequency used, as a share of the rate: above, aligning a held torque attenuates too much
 
 

@@ -1,9 +1,12 @@
 """Autoregressive whitening of each row (generalised least squares), so that each frequency is weighted by its noise.
 
-A row is one joint's torque. In a torque residual the power of encoder noise grows with the fourth power of frequency,
-and that of disturbances falls. A narrow band would lose the information of high frequencies about friction. In a wide
-band the noise at high frequencies would hide the information of low frequencies about inertias. A wide band that is
-whitened keeps both.
+A row is one joint's torque. Whitening filters the residual and all columns of a row with one filter, after which the
+row's noise is white: it has the same power at all frequencies. A sample is certain if its friction is known, because
+the joint moves.
+
+In a torque residual the power of encoder noise grows with the fourth power of frequency, and that of disturbances
+falls. A narrow band would lose the information of high frequencies about friction. In a wide band the noise at high
+frequencies would hide the information of low frequencies about inertias. A wide band that is whitened keeps both.
 """
 
 from __future__ import annotations
