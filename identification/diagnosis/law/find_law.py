@@ -1,9 +1,11 @@
 """A law for the residual after all findings: the inputs on which it depends, its formula, and a residual model.
 
-The inputs are found by smooth functions of one or two of them. Their gain on held-out blocks is compared with the gain
-on permuted blocks (`smooth`). The formula is found by orthogonal least squares with exchanges
-(`engine.search.stepwise`) over a library of terms with units (`library`). Its size is chosen on held-out blocks, each
-term is tested against chance, and the search is repeated on bootstrap replicates over blocks (`formula_search`).
+A law is a formula for the residual of one joint: a sum of terms times coefficients. An input is a quantity on which
+terms depend, such as a position or the time. The inputs are found by smooth functions of one or two of them. Their gain
+on held-out blocks is compared with the gain on permuted blocks (`smooth`). The formula is found by orthogonal least
+squares with exchanges (`engine.search.stepwise`) over a library of terms with units (`library`). Its size is chosen on
+held-out blocks, each term is tested against chance, and the search is repeated on bootstrap replicates over blocks
+(`formula_search`).
 
 The residual model is to be added to the corrected model. It is the law, or without a law a sum of terms that predicts
 well. The corrected model and its changes within the tolerances were fitted without the law. So the terms of the law are
@@ -42,7 +44,7 @@ from identification.engine.search.stepwise import extended
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-_FORMULA_PREDICTS = 0.4  # share of the squared residual that a formula has to predict
+_FORMULA_PREDICTS = 0.4  # share of the squared residual that a formula has to predict; with less it is no law
 _MOSTLY = 0.5  # without a formula, inputs are named that more than this share of the bootstrap replicates choose
 # Kinds of terms, the most specific first, each with the law in the literature that a formula with the term resembles.
 _SIMILAR: tuple[tuple[str, str], ...] = (
@@ -69,7 +71,7 @@ _SIMILAR: tuple[tuple[str, str], ...] = (
 )
 _HEATED = "friction that changes with temperature"
 _MOST_MODEL_TERMS = 6  # largest number of terms of a residual model; a formula has fewer, as people read it
-_MODEL_PREDICTS = 0.3  # share of the squared residual that a residual model has to predict
+_MODEL_PREDICTS = 0.3  # share of the squared residual that a residual model has to predict; with less there is none
 _SLOW = 0.01  # share of the 90th percentile of the speed below which the sign of the velocity is smoothed
 _NUMBER = r"[-+0-9.eE]+"
 
@@ -99,20 +101,20 @@ def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law |
         residual: Residual of one joint.
         joints: Gap of every joint of the robot.
     """
-    bare = residual
+    with_free_nuisances = residual
     columns = columns_of(residual, memory=False)
     before = losses_without_law(residual, columns)
     residual, columns = with_nuisances_at_bounds(residual, columns)
     gains = input_gains(residual)
     if gains.frequency is not None:
         # Responses with memory can imitate laws without memory, so they are allowed only if no such law fits.
-        residual, columns = with_nuisances_at_bounds(bare, columns_of(bare))
+        residual, columns = with_nuisances_at_bounds(with_free_nuisances, columns_of(with_free_nuisances))
     choice = search_formula(residual, columns, before)
     judged = residual.judged
-    closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
+    predicted = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
     # If a response with memory predicts clearly better than the formula, the formula only imitates it and is no law.
     imitates = gains.clearly_less(choice.held_out)
-    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _FORMULA_PREDICTS and not imitates
+    stable = bool(choice.chosen) and choice.same >= STABLE and predicted >= _FORMULA_PREDICTS and not imitates
     terms, law = (), None
     if stable:
         terms = _terms(residual, choice)
@@ -132,7 +134,7 @@ def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law |
         responses=frequency_responses(residual, inputs),
         terms=terms,
         same_terms=choice.same if stable else 0.0,
-        predicted_share=closed if stable else 0.0,
+        predicted_share=predicted if stable else 0.0,
         blocks=len(judged),
         model=model_of(residual, choice, lawful=stable),
     )
@@ -179,13 +181,13 @@ def _law(residual: JointResidual, choice: Choice, terms: tuple[LawTerm, ...], jo
     library = choice.columns.library
     inputs = residual.named(choice.columns.inputs(choice.chosen))
     kinds = {library[k].texts[0]: library[k].kind for k in choice.chosen}
-    closed, interval = _share_of_gap(residual, choice, joints)
+    closed, ends = _share_of_gap(residual, choice, joints)
     return Law(
         joint=residual.joint,
         inputs=inputs,
         formula=formula_text(terms),
         gap_closed=closed,
-        gap_closed_interval=interval,
+        gap_closed_interval=ends,
         valid=residual.ranges(inputs),
         like=similar_law({kinds[term.term]: term.coefficient for term in terms if term.term in kinds}),
     )
@@ -241,8 +243,8 @@ def model_of(residual: JointResidual, choice: Choice, *, lawful: bool) -> Residu
     whole = plain.products.summed((residual.folds >= 0).astype(float))
     path = extended(plain.terms, whole, start, _MOST_MODEL_TERMS)
     size = min(best_size(loss), len(path) - 1)
-    closed = float(1.0 - loss[size].sum() / max(plain.products.total.sum(), 1e-300))
-    if not path[size] or closed < _MODEL_PREDICTS:
+    predicted = float(1.0 - loss[size].sum() / max(plain.products.total.sum(), 1e-300))
+    if not path[size] or predicted < _MODEL_PREDICTS:
         return None
     at = plain.terms.columns(path[size])
     theta = -whole.fitted(at) / plain.size[at]
@@ -261,7 +263,7 @@ def model_of(residual: JointResidual, choice: Choice, *, lawful: bool) -> Residu
         terms,
         states,
         residual.ranges(tuple(needed)),
-        closed,
+        predicted,
         lawful,
         _SLOW * fast,
         bands,
@@ -320,7 +322,7 @@ def _code(residual: JointResidual, text: str, states: list[str]) -> str:
 
 
 def _state(states: list[str], expression: str) -> str:
-    """Code of a state, such as ``s[0]``; its expression is added to ``states`` if it is not among them."""
+    """Code of a state, such as ``s[0]``; its expression is added to ``states`` if they do not contain it."""
     if expression not in states:
         states.append(expression)
     return f"s[{states.index(expression)}]"

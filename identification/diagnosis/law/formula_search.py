@@ -1,4 +1,8 @@
-"""The shortest formula that predicts a residual on held-out blocks, and how often bootstrap replicates choose it."""
+"""The shortest formula that predicts a residual on held-out blocks, and how often bootstrap replicates choose it.
+
+A formula is a sum of terms of the library times coefficients. Nuisances are the changes of the model within its
+tolerances and the sizes of the findings; they are fitted together with every formula.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +26,9 @@ MOST_TERMS = 4  # largest number of terms of a formula, so that a reader can che
 _AT_ONCE = 24  # number of columns at the full rate that are filtered in one call
 _MOST_ROUNDS = 4  # largest number of rounds in which nuisances at a bound are held there, and others released
 _PERMUTATIONS = 100  # number of permutations of the blocks: the smallest that has a 99 % quantile
-STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
+STABLE = 0.6  # share of the bootstrap replicates that have to choose the kinds of terms of a formula; else it is no law
 NEARLY = 0.85  # a shorter formula has to predict this share of the squares that the best size predicts
-_WORTH = 0.02  # one more term has to add this share of the explained squares
+_WORTH = 0.02  # further terms have to add this share of the predicted squares; else the shorter formula is taken
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,7 @@ def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -
     """
     whole = columns.products.summed((residual.folds >= 0).astype(float))
     squared = np.diag(whole.gram)[len(columns.size) :]
-    prior, held, before = residual.prior, np.zeros(residual.prior.count), []
+    prior, held, earlier = residual.prior, np.zeros(residual.prior.count), []
     for _ in range(_MOST_ROUNDS):
         path = [(), *stepwise(columns.terms, prior.eliminate_from(whole), MOST_TERMS)]
         size = best_size(held_out_losses(residual, replace(columns, prior=prior), MOST_TERMS))
@@ -129,8 +133,8 @@ def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -
         now = np.where(nuisances <= residual.lower, -1.0, 0.0) + np.where(nuisances >= residual.upper, 1.0, 0.0)
         if (now == held).all():
             break
-        repeats = any((now == other).all() for other in before)
-        before.append(held)
+        repeats = any((now == other).all() for other in earlier)
+        earlier.append(held)
         held = np.where(now != 0.0, now, held) if repeats else now
         prior = _prior_holding(residual, held, squared)
         if repeats:
@@ -198,9 +202,10 @@ def search_formula(residual: JointResidual, columns: LibraryColumns, before: Flo
     for shorter in range(size, 0, -1):
         if loss[0].sum() - loss[shorter].sum() < NEARLY * gained:
             break
-        repeated = _votes_of_replicates(residual, columns, path[shorter])
-        if repeated[1] >= STABLE and _beyond_chance(residual, columns, path[shorter]):
-            return Choice(columns, path[shorter], loss[shorter], loss[0], *repeated)
+        votes = _votes_of_replicates(residual, columns, path[shorter])
+        _, same, _ = votes
+        if same >= STABLE and _beyond_chance(residual, columns, path[shorter]):
+            return Choice(columns, path[shorter], loss[shorter], loss[0], *votes)
     return longest
 
 

@@ -17,7 +17,7 @@ def bristle(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
         x: Path.
         reach: Displacement over which the bristle bends, in the unit of ``x``.
     """
-    return _along(x, lambda start, side, moved: side + (start - side) * np.exp(-moved / reach))
+    return _along(x, lambda start, direction, moved: direction + (start - direction) * np.exp(-moved / reach))
 
 
 def slip(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
@@ -27,7 +27,7 @@ def slip(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
         x: Path.
         reach: Displacement from rest at which the element begins to slide, in the unit of ``x``.
     """
-    return _along(x, lambda start, side, moved: np.clip(start + side * moved / reach, -1.0, 1.0))
+    return _along(x, lambda start, direction, moved: np.clip(start + direction * moved / reach, -1.0, 1.0))
 
 
 def _along(x: Float[Array, " N"], law: Callable[[float, float, Array], Array]) -> Float[Array, " N"]:
@@ -37,14 +37,14 @@ def _along(x: Float[Array, " N"], law: Callable[[float, float, Array], Array]) -
         x: Path.
         law: Gives the states within a piece from the state at its start, its direction, and the distances from there.
     """
-    side = np.sign(np.diff(x, prepend=x[:1]))
-    turns = np.flatnonzero(side[1:] != side[:-1]) + 1
+    direction = np.sign(np.diff(x, prepend=x[:1]))
+    turns = np.flatnonzero(direction[1:] != direction[:-1]) + 1
     edges = [0, *turns.tolist(), len(x)]
     out, z, at = np.zeros(len(x)), 0.0, x[0]
     for begin, end in pairwise(edges):
-        if side[begin] == 0.0:
+        if direction[begin] == 0.0:
             out[begin:end] = z
         else:
-            out[begin:end] = law(z, side[begin], np.abs(x[begin:end] - at))
+            out[begin:end] = law(z, direction[begin], np.abs(x[begin:end] - at))
         z, at = out[end - 1], x[end - 1]
     return out

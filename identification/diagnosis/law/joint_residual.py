@@ -1,8 +1,9 @@
 """Residual after all findings on one joint, with the inputs on which it may depend.
 
-The fit of the diagnosis lacks the law, so its changes within the tolerances and its sizes of findings are biased. Every
-fit of a law therefore fits these again (nuisances), by their columns on the joint of the law. Their prior includes the
-torques of the other joints.
+A law is a formula that predicts this residual from inputs, such as positions, torques or the time. The judged band has
+the low frequencies in which the residual is judged. The fit of the diagnosis lacks the law, so its changes within the
+tolerances and its sizes of findings are biased. Every fit of a law therefore fits these again (nuisances), by their
+columns on the joint of the law. Their prior includes the torques of the other joints.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _PER_PERIOD = 5.0  # samples per period of the judged band's edge: more are redu
 _MOST_SAMPLES = 8000  # largest number of samples of all recordings: more cost time and memory, and add little
 _OTHERS = 5  # number of nearest other joints of the branch whose motion may be an input
 _MOST_POWER = 0.98  # share of an input's power within the frequencies at which a response is stated
-_SAME_TORQUE = 0.99  # if its correlation with the transmitted torque is higher, drive torque is no separate input
+_SAME_TORQUE = 0.99  # if its correlation with the transmitted torque is higher, the drive torque is no separate input
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class ResidualLog:
         band: Filter of the recording.
         cutoff_hz: Edge of the judged band.
         valid: False for samples in the band that depend on missing or excluded samples, ``(m,)``.
-        kept: Slice of the samples in the band that are used.
+        kept: Slice of the samples in the band that are kept: every n-th, as more are redundant.
         residual: Measured minus modelled torque of these samples in the judged band, by fits to other blocks, ``(n,)``.
         weight: Weight of each of these samples, ``(n,)``.
         nuisances: Columns of the tolerance parameters and findings that are fitted again with a law, ``(n, F)``.
@@ -315,11 +316,11 @@ def _nuisances(
     own, own_right = precision[np.ix_(place, place)], right[place]
     if elsewhere:
         # Schur complement: coefficients that act on other joints only are eliminated.
-        between = precision[np.ix_(place, elsewhere)]
-        through = solve(precision[np.ix_(elsewhere, elsewhere)], np.column_stack([between.T, right[elsewhere]]))
-        own, own_right = own - between @ through[:, :-1], own_right - between @ through[:, -1]
-    scale, mine = floors[row] ** 2, active[place]
-    lower, upper = (bound[mine] - found.theta[mine] for bound in (problem.lower, problem.upper))
+        cross = precision[np.ix_(place, elsewhere)]
+        eliminated = solve(precision[np.ix_(elsewhere, elsewhere)], np.column_stack([cross.T, right[elsewhere]]))
+        own, own_right = own - cross @ eliminated[:, :-1], own_right - cross @ eliminated[:, -1]
+    scale, on_row = floors[row] ** 2, active[place]
+    lower, upper = (bound[on_row] - found.theta[on_row] for bound in (problem.lower, problem.upper))
     return (
         tuple(values[row][:, at] for values in problem.white.values),
         NuisancePrior(scale * own, scale * own_right),

@@ -1,4 +1,4 @@
-"""Library of the terms that a formula may have, each with its text, its inputs and the unit of its coefficient.
+"""Library of the terms that a formula for a residual may have, each with its text, inputs and unit of its coefficient.
 
 Effects of the catalogue state their own terms (`Effect.formula`), as a formula may need them beside others. The terms
 listed here are those that no effect has. If an effect states the same term, that of the effect is used.
@@ -82,22 +82,22 @@ class _JointInputs:
         """Unit of the velocity."""
         return f"({self.angle}/s)"
 
-    def has(self, kind: str) -> bool:
-        """True if the recordings have an input of the joint."""
-        return f"{kind}.{self.name}" in self.residual.logs[0].inputs
+    def has(self, symbol: str) -> bool:
+        """True if the recordings have an input of the joint, such as ``q`` or ``tl``."""
+        return f"{symbol}.{self.name}" in self.residual.logs[0].inputs
 
-    def get(self, kind: str) -> Column:
+    def get(self, symbol: str) -> Column:
         """Function that gives an input of the joint, or the time, in a recording."""
-        name = kind if kind == "t" else f"{kind}.{self.name}"
+        name = symbol if symbol == "t" else f"{symbol}.{self.name}"
         return lambda log: log.inputs[name]
 
-    def values(self, kind: str) -> Array:
+    def values(self, symbol: str) -> Array:
         """An input in all recordings."""
-        return np.concatenate([self.get(kind)(log) for log in self.residual.logs])
+        return np.concatenate([self.get(symbol)(log) for log in self.residual.logs])
 
-    def names(self, *kinds: str) -> frozenset[str]:
+    def names(self, *symbols: str) -> frozenset[str]:
         """Full names of some inputs."""
-        return frozenset(kind if kind == "t" else f"{kind}.{self.name}" for kind in kinds)
+        return frozenset(symbol if symbol == "t" else f"{symbol}.{self.name}" for symbol in symbols)
 
     @cached_property
     def of_effects(self) -> dict[frozenset[str], list[LibraryTerm]]:
@@ -106,23 +106,23 @@ class _JointInputs:
         out: dict[frozenset[str], list[LibraryTerm]] = {}
         for effect in EFFECTS:
             for one in effect.formula(self.middle):
-                kinds = tuple(inspect.signature(one.column).parameters)
-                column, per = self._column(one, kinds), one.per.format(**units)
-                out.setdefault(frozenset(kinds), []).append(self.term(one.kind, " ".join(kinds), one.text, per, column))
-        return {kinds: sorted(terms, key=lambda term: term.texts) for kinds, terms in out.items()}
+                names = tuple(inspect.signature(one.column).parameters)
+                column, per = self._column(one, names), one.per.format(**units)
+                out.setdefault(frozenset(names), []).append(self.term(one.kind, " ".join(names), one.text, per, column))
+        return {names: sorted(terms, key=lambda term: term.texts) for names, terms in out.items()}
 
-    def _column(self, one: FormulaTerm, kinds: tuple[str, ...]) -> Column:
+    def _column(self, one: FormulaTerm, symbols: tuple[str, ...]) -> Column:
         """Function that gives the column of an effect's term from the inputs that it depends on."""
-        inputs = [self.get(kind) for kind in kinds]
+        inputs = [self.get(symbol) for symbol in symbols]
         return lambda log: np.broadcast_to(one.column(*(get(log) for get in inputs)), log.t.shape)
 
-    def middle(self, kind: str) -> float:
+    def middle(self, symbol: str) -> float:
         """Middle of the travel for a position, mean of other inputs; zero for an input that the recordings lack."""
-        if not self.has(kind):
+        if not self.has(symbol):
             return 0.0
-        values = self.values(kind)
+        values = self.values(symbol)
         ends = np.percentile(values, [1, 99])
-        return rounded(0.5 * (ends[0] + ends[1]) if kind == "q" else float(np.mean(values)))
+        return rounded(0.5 * (ends[0] + ends[1]) if symbol == "q" else float(np.mean(values)))
 
     def term(self, kind: str, inputs: str, text: str, per: str, column: Column) -> LibraryTerm:
         """A term with one column; the names of its inputs are separated by spaces."""
@@ -261,8 +261,8 @@ def _drift(joint: _JointInputs) -> Iterator[LibraryTerm]:
         (f"{less('t', middle)}^2", "s^2", lambda log: (t(log) - middle) ** 2),
     ]
     for share in _TIMES:
-        tau = rounded(share * last)
-        shapes.append((f"exp(-t/{tau:g})", "", lambda log, tau=tau: np.exp(-t(log) / tau)))
+        fall = rounded(share * last)
+        shapes.append((f"exp(-t/{fall:g})", "", lambda log, fall=fall: np.exp(-t(log) / fall)))
     factors: list[tuple[str, str, str, str, Column]] = [
         ("drift", "t", "", "", lambda log: np.ones(len(log.t))),
         ("friction that changes with time", "t v", "*sign(v)", "", lambda log: np.sign(v(log))),
@@ -313,20 +313,20 @@ def _dynamic_motion(joint: _JointInputs) -> Iterator[LibraryTerm]:
 
 def _dynamic_torque(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Change of the torque by a low pass or a delay."""
-    kind = next((kind for kind in ("tl", "tau") if joint.has(kind)), None)
-    if kind is None:
+    symbol = next((symbol for symbol in ("tl", "tau") if joint.has(symbol)), None)
+    if symbol is None:
         return
-    tl, named = joint.get(kind), frozenset({frequency_of(f"{kind}.{joint.name}")})
+    torque, named = joint.get(symbol), frozenset({frequency_of(f"{symbol}.{joint.name}")})
     responses: list[tuple[str, Column]] = []
     for hz in _frequencies(joint, _CORNERS):
-        tau = 0.5 / (np.pi * hz)
-        responses.append((f"low({kind}, {hz:g} Hz)", lambda log, tau=tau: lagged(tl(log), log.dt, tau)))
+        lag = 0.5 / (np.pi * hz)
+        responses.append((f"low({symbol}, {hz:g} Hz)", lambda log, lag=lag: lagged(torque(log), log.dt, lag)))
     for share in _LATE:
         late = rounded(share / joint.residual.logs[0].cutoff_hz)
-        responses.append((f"late({kind}, {late:g} s)", lambda log, late=late: delayed(tl(log), log.t, late)))
+        responses.append((f"late({symbol}, {late:g} s)", lambda log, late=late: delayed(torque(log), log.t, late)))
     for text, response in responses:
-        column = (lambda log, f=response: f(log) - tl(log),)
-        yield LibraryTerm("late response to the torque", named, (f"({text} - {kind})",), joint.residual.unit, column)
+        column = (lambda log, f=response: f(log) - torque(log),)
+        yield LibraryTerm("late response to the torque", named, (f"({text} - {symbol})",), joint.residual.unit, column)
 
 
 def _load(joint: _JointInputs) -> Iterator[LibraryTerm]:

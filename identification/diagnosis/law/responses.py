@@ -25,11 +25,11 @@ def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Fl
     """
     w = 2 * np.pi * hz
     root = np.sqrt(1.0 - damping**2)
-    fades, turned = np.exp(-damping * w * dt), w * root * dt
-    near, across = fades * np.cos(turned), fades * np.sin(turned) / root
-    a = (1.0, -2 * near, fades**2)
-    y = recursive_filter((1.0 - near - damping * across, fades**2 + damping * across - near), a, x[:, None])
-    rate = recursive_filter((across, -across), a, x[:, None]) - x[0]
+    decay, angle = np.exp(-damping * w * dt), w * root * dt
+    cosine, sine = decay * np.cos(angle), decay * np.sin(angle) / root
+    a = (1.0, -2 * cosine, decay**2)
+    y = recursive_filter((1.0 - cosine - damping * sine, decay**2 + damping * sine - cosine), a, x[:, None])
+    rate = recursive_filter((sine, -sine), a, x[:, None]) - x[0]
     return np.column_stack([y, rate])
 
 
@@ -47,18 +47,18 @@ def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[A
         hz: Corner frequency.
         order: Number of series.
     """
-    keep = float(np.exp(-2 * np.pi * hz * dt))
-    out = [recursive_filter((1.0 - keep,), (1.0, -keep), x[:, None])]
+    pole = float(np.exp(-2 * np.pi * hz * dt))
+    out = [recursive_filter((1.0 - pole,), (1.0, -pole), x[:, None])]
     for _ in range(order - 1):
-        out.append(recursive_filter((-keep, 1.0), (1.0, -keep), out[-1]))
+        out.append(recursive_filter((-pole, 1.0), (1.0, -pole), out[-1]))
     return np.column_stack(out)
 
 
 def laguerre_gains(at_hz: Float[Array, " F"], dt: float, hz: float, order: int) -> Complex[Array, "F order"]:
     """Complex gains of the series of `laguerre` at given frequencies."""
-    keep = float(np.exp(-2 * np.pi * hz * dt))
-    back = np.exp(-2j * np.pi * at_hz * dt)
-    low, all_pass = (1.0 - keep) / (1.0 - keep * back), (back - keep) / (1.0 - keep * back)
+    pole = float(np.exp(-2 * np.pi * hz * dt))
+    delay = np.exp(-2j * np.pi * at_hz * dt)  # of one sample
+    low, all_pass = (1.0 - pole) / (1.0 - pole * delay), (delay - pole) / (1.0 - pole * delay)
     return low[:, None] * all_pass[:, None] ** np.arange(order)
 
 

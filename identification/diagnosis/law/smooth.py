@@ -1,10 +1,10 @@
 """Smooth functions of one or two inputs: the share of a residual that each predicts on held-out blocks, and by chance.
 
 A function is a table with linear interpolation between its nodes (hat functions, for two inputs their products). It is
-fitted by ridge regression together with tolerance parameters and findings. The share that it predicts is its gain. The
-gain by chance is the largest gain of all inputs on residuals whose blocks are permuted, with random signs. Each block
-keeps its spectrum and its slow drifts. The input time can fit such drifts by chance, so the gain by chance includes
-this.
+fitted by ridge regression together with tolerance parameters and findings. The share that it predicts is its gain; for
+a linear response, gain also has its usual meaning, the ratio of amplitudes at a frequency. The gain by chance is the
+largest gain of all inputs on residuals whose blocks are permuted, with random signs. Each block keeps its spectrum and
+its slow drifts. The input time can fit such drifts by chance, so the gain by chance includes this.
 
 The residual may also be a linear response to motion or torque with memory, whose gain and phase change with the
 frequency. Such a response is tried like an input, under the name of a frequency. It is the sum of the input and of the
@@ -36,7 +36,8 @@ _DRAWS = 60  # permutations of the blocks
 _CHANCE = 0.95  # quantile, over these permutations, of the largest gain
 _PAIRS = 6  # largest number of pairs that are listed
 _CURVE = 25  # points of a curve
-# A response with memory must predict this share of the squared residual more than the best function without memory.
+# A response with memory is named only if it predicts more of the squared residual than the best function without
+# memory, by at least this share.
 _CLEARLY = 0.03
 _UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
 _CORNERS = (0.05, 0.25)  # corner frequencies, as a share of the edge of the judged band
@@ -89,61 +90,66 @@ def input_gains(residual: JointResidual) -> Gains:
     tables = {name: _table(residual, name)[used] * samples.root[:, None] for name in residual.inputs}
     plain = _losses(samples, np.zeros((len(samples.y), 0)), residual)
 
-    def gains_of_table(names: tuple[str, ...]) -> Array:
+    def decrease_by_table(names: tuple[str, ...]) -> Array:
+        """Decrease of the squared residual of each block, and of its permutations, by a table over some inputs."""
         x = tables[names[0]]
         if len(names) > 1:
             x = (x[:, :, None] * tables[names[1]][:, None, :]).reshape(len(x), -1) / samples.root[:, None]
         return plain - _losses(samples, x, residual)
 
-    def gains_of_response(x: Array) -> Array:
+    def decrease_by_response(x: Array) -> Array:
+        """The same decrease by a sum of given columns."""
         x = x[used] * samples.root[:, None]
         return plain - _losses(samples, x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-12), residual)
 
-    single = {(name,): gains_of_table((name,)) for name in residual.inputs}
-    pairs = {names: gains_of_table(names) for names in combinations(residual.inputs, 2)}
+    single = {(name,): decrease_by_table((name,)) for name in residual.inputs}
+    pairs = {names: decrease_by_table(names) for names in combinations(residual.inputs, 2)}
     dynamic = {
-        (frequency_of(name),): gains_of_response(response_columns(residual, name)) for name in residual.frequency_inputs
+        (frequency_of(name),): decrease_by_response(response_columns(residual, name))
+        for name in residual.frequency_inputs
     }
     # Gain by chance: the largest gain of all functions on each permuted residual.
     every = [*single.values(), *pairs.values(), *dynamic.values()]
     total = plain.sum(axis=0)
-    by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in every], axis=0)
+    by_chance = np.max([decrease.sum(axis=0)[1:] / total[1:] for decrease in every], axis=0)
     chance = float(max(np.quantile(by_chance, _CHANCE), 0.0))
     best = sorted(pairs, key=lambda names: -pairs[names][:, 0].sum())[:_PAIRS]
     judged = residual.judged
     shown: dict[tuple[str, ...], Array] = {**single, **{names: pairs[names] for names in best}, **dynamic}
-    gains = [InputGain(names, *_shares(gain[:, 0], plain[:, 0], judged), chance) for names, gain in shown.items()]
+    gains = [
+        InputGain(names, *_shares(decrease[:, 0], plain[:, 0], judged), chance) for names, decrease in shown.items()
+    ]
     listed = sorted(gains, key=lambda one: -one.gain)
     # The best response with memory counts if it gains more than chance, and clearly more than all without memory.
     first = next((one for one in listed if one.inputs in dynamic), None)
     frequency, left = None, np.full(len(residual.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
         own = shown[first.inputs][:, 0]
-        static = [*single.values(), *pairs.values(), gains_of_response(linear_columns(residual))]
-        best_static = max((gain[:, 0] for gain in static), key=lambda gain: gain[judged].sum())
+        static = [*single.values(), *pairs.values(), decrease_by_response(linear_columns(residual))]
+        best_static = max((decrease[:, 0] for decrease in static), key=lambda decrease: decrease[judged].sum())
         if _clearly(own - best_static, judged, plain[judged, 0].sum()):
             frequency, left = first.inputs[0], plain[:, 0] - own
     return Gains(tuple(listed), frequency, left, judged)
 
 
-def _clearly(more: Float[Array, " B"], judged: Array, whole: float) -> bool:
-    """True if a gain is a noticeable share of the squared residual, and its interval is above zero.
+def _clearly(decrease: Float[Array, " B"], judged: Array, whole: float) -> bool:
+    """True if a decrease is a noticeable share of the squared residual, and the interval of this share is above zero.
 
     Args:
-        more: Gain of each block.
+        decrease: Decrease of the squared residual of each block.
         judged: Blocks that count.
-        whole: Squared residual of which the gain is a share.
+        whole: Squared residual of which the decrease is a share.
     """
-    share, interval = _shares(more, np.full(len(more), whole / len(judged)), judged)
-    return share > _CLEARLY and interval[0] > 0.0
+    share, ends = _shares(decrease, np.full(len(decrease), whole / len(judged)), judged)
+    return share > _CLEARLY and ends[0] > 0.0
 
 
-def _shares(gain: Float[Array, " B"], whole: Float[Array, " B"], judged: Array) -> tuple[float, Pair]:
-    """Gain as a share of the squared residual over the judged blocks, with its interval by block bootstrap."""
-    gain, whole = gain[judged], whole[judged]
+def _shares(decrease: Float[Array, " B"], whole: Float[Array, " B"], judged: Array) -> tuple[float, Pair]:
+    """Decrease as a share of the squared residual over the judged blocks, with its interval by block bootstrap."""
+    decrease, whole = decrease[judged], whole[judged]
     counts = block_counts(len(judged), random_stream("blocks of the gain of an input"))
-    low, high = interval((counts @ gain) / np.maximum(counts @ whole, 1e-300))
-    return float(gain.sum() / max(whole.sum(), 1e-300)), (float(low), float(high))
+    low, high = interval((counts @ decrease) / np.maximum(counts @ whole, 1e-300))
+    return float(decrease.sum() / max(whole.sum(), 1e-300)), (float(low), float(high))
 
 
 def _samples(residual: JointResidual, used: Array) -> _Samples:
@@ -155,8 +161,8 @@ def _samples(residual: JointResidual, used: Array) -> _Samples:
     seen = (residual.folds >= 0)[blocks]
     prior = residual.prior
     theta = solve(nuisances[seen].T @ nuisances[seen] + prior.precision, nuisances[seen].T @ y[seen] + prior.right)
-    left = y - nuisances @ theta
-    pieces = [left[blocks == k] for k in np.unique(blocks)]
+    remaining = y - nuisances @ theta
+    pieces = [remaining[blocks == k] for k in np.unique(blocks)]
     mixed = [shuffled_pieces(pieces, rng) for _ in range(_DRAWS)]
     return _Samples(np.column_stack([y, *mixed]), nuisances, blocks, root)
 
@@ -251,11 +257,11 @@ def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse
     hz = np.geomspace(max(low, 1e-3), max(high, 1.01e-3), _CURVE)
     # The torque on the joint is the negative of the torque that the drive has to give.
     responses = -(theta / size) @ complex_gains(residual, name, hz).T
-    gains = np.abs(responses)
+    magnitudes = np.abs(responses)
     phase = np.degrees(np.unwrap(np.angle(responses[0])))
     # Phases are periodic: those of the bootstrap draws are taken relative to that of the fit.
-    differences = np.degrees(np.angle(responses[1:] / np.where(gains[0] > 0.0, responses[0], 1.0)))
-    parts = (gains[0], *interval(gains[1:]), phase, *(phase + end for end in interval(differences)))
+    differences = np.degrees(np.angle(responses[1:] / np.where(magnitudes[0] > 0.0, responses[0], 1.0)))
+    parts = (magnitudes[0], *interval(magnitudes[1:]), phase, *(phase + end for end in interval(differences)))
     per = _unit(residual, name)
     unit = "" if per == residual.unit else f"{residual.unit}/({per})" if "/" in per else f"{residual.unit}/{per}"
     return FrequencyResponse(frequency_of(name), unit, *(tuple(z.tolist()) for z in (hz, *parts)))
