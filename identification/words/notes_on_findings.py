@@ -166,7 +166,7 @@ def _one_sided(note: Note) -> str:
 
 
 def _sums(note: Note) -> str:
-    sums = [f"{one.split(' ', 1)[0]} for {one}" for one in note.numbers["sums"]]
+    sums = [f"{name} for {whole}" for name, whole in note.numbers["sums"].items()]
     where = f" of {note.joint}" if note.joint else ""
     return (
         f"The motion shows some inertial parameters{where} only in sums with others. So a number stands for its sum, "

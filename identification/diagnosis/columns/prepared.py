@@ -78,9 +78,9 @@ def prepared(
         LogError: If a recording cannot be used, or has a definite fault that the user did not choose to ignore.
     """
     started = time.perf_counter()
+    robot = without_unread_drives(with_known_places(robot, known), recordings)
     recordings = with_payloads_checked(robot, recordings, changes)
     require_right(recordings)
-    robot = without_unread_drives(with_known_places(robot, known), recordings)
     tracked = corrected_recordings(robot, recordings, known)
     if changes and any(one.poses_alone for one in recordings):
         raise LogError(

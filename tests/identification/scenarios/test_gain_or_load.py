@@ -10,7 +10,8 @@ import yaml
 
 from benchmarks.motion_only import SAME, case, in_set
 from by_night import by_night
-from identification.data.changes import Change, robot_in
+from identification.data.changes import Change, KnownPayload, robot_in
+from identification.data.checks.readings.stated_payloads import with_payloads_checked
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.diagnosis.result import Bound, Diagnosis, Finding, Judgement, Value
@@ -23,6 +24,7 @@ from identification.scenarios.motion_only import limited_controller_torque, stat
 from identification.scenarios.recordings_file import read_changes
 from identification.words.note_words import sentence
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Actuator, Controller, Robot
@@ -322,6 +324,20 @@ def test_the_centre_that_a_finding_prints_is_no_gap_in_the_next_diagnosis(tmp_pa
     changes.write_text(f"recordings: [{{file: held.csv, payload: {{mass: {mass}, center: [{x}, 0, {z}]}}}}]")
     bare = written(tmp_path, "bare.csv", robot, moving(2, 1))
     assert together(robot, (bare, held), changes).verdict == "no_gap"
+
+
+def test_a_right_payload_beside_rotors_that_the_model_lacks_is_not_refused(tmp_path):
+    # Known truth: rotors, which a bare recording at a quarter of the speed hardly shows.
+    robot = loaded(tmp_path, TROLLEY)
+    with_rotors = with_rotor_inertia(with_rotor_inertia(robot, "swing", 0.2), "slide", 2.0)
+    m, ball = moving(2, 1), (0.4, (0.05, 0.0, -0.3), "swing")
+    logs = (
+        written(tmp_path, "bare.csv", with_rotors, Motion(4 * m.t, m.q, m.v / 4, m.a / 16)),
+        written(tmp_path, "held.csv", with_rotors, moving(2, 2), ball=ball, seed=1),
+    )
+    changes = (Change("bare.csv"), Change("held.csv", KnownPayload(ball[0], ball[1])))
+    recordings = tuple(replace(read_recording(log, robot), wrong=()) for log in logs)
+    assert [one.wrong for one in with_payloads_checked(robot, recordings, changes)] == [(), ()]
 
 
 NUMBER = r"(-?[0-9][0-9.e-]*)"

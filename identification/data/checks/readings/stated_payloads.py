@@ -13,16 +13,19 @@ from itertools import permutations
 import numpy as np
 
 from identification.data.changes import Change, KnownPayload, robot_in
-from identification.data.checks.readings.plausible_fit import AS_MODELLED, ENOUGH, WITHOUT_LOAD, unexplained
+from identification.data.checks.readings.plausible_fit import AS_MODELLED, ENOUGH, PLAUSIBLE, WITHOUT_LOAD, unexplained
 from identification.data.checks.readings.reading import Reading, of_voltages, reading_of
 from identification.data.checks.readings.reading_fits import FAR_BETTER, RIGHT, WORSE, joint_gains_of
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.recording import Fault, Recording
 from identification.data.stretches import busiest
 from phantom_dyn.array_types import Array, Float
+from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
 _POUND = 0.45359237  # [kg]
+# A robot like its model except for friction and for rotors, which a slow recording does not show; without or with load.
+_WITHOUT, _WITH = WITHOUT_LOAD._replace(rotor=PLAUSIBLE.rotor), AS_MODELLED._replace(rotor=PLAUSIBLE.rotor)
 
 
 def with_payloads_checked(
@@ -35,7 +38,7 @@ def with_payloads_checked(
         recordings: All recordings.
         changes: Known changes of each recording; empty if there are none.
     """
-    without = [one for one, change in zip(recordings, changes, strict=False) if change == Change(change.file)]
+    without = [one for one, change in zip(recordings, changes, strict=False) if _is_bare(change)]
     if robot.floating or not without or all(change.payload is None for change in changes):
         return tuple(recordings)
     bare = np.max([_bare_shares(robot, one) for one in without], axis=0)
@@ -57,36 +60,38 @@ def _contradictions(robot: Robot, recording: Recording, change: Change, bare: Fl
     payload, reading = change.payload, _reading(robot, recording)
     if payload is None or payload.mass == 0 or reading is None or recording.wrong:
         return ()
-    stated = unexplained(robot_in(robot, change), reading, WITHOUT_LOAD)
-    if np.nanmax(stated) < ENOUGH:
+    try:
+        stated = unexplained(robot_in(robot, change), reading, _WITHOUT)
+        free = unexplained(robot_in(robot, replace(change, payload=None)), reading, _WITH)
+    except ChainError:  # with the positions as recorded a closed chain does not close
         return ()
-    free = unexplained(robot_in(robot, replace(change, payload=None)), reading, AS_MODELLED)
-    gains, largest = joint_gains_of(np.log((stated + ENOUGH) / (free + ENOUGH))), np.nanmax(free, axis=0)
+    gains = np.nan_to_num(joint_gains_of(np.log((stated + ENOUGH) / (free + ENOUGH))))
+    largest = _worse_half(free)
     as_without = np.log((bare + ENOUGH) / (largest + ENOUGH)) < FAR_BETTER
     joints = (gains >= FAR_BETTER) & (largest <= RIGHT) & as_without
-    if not joints.any() or np.nanmin(gains) < -WORSE:
+    if not joints.any() or gains.min() < -WORSE:
         return ()
 
     def worse(corrected: KnownPayload) -> float:
         """Logarithm of the largest ratio of the unexplained share with a payload to that with the best one."""
-        shares = unexplained(robot_in(robot, replace(change, payload=corrected)), reading, WITHOUT_LOAD)
-        return float(np.nanmax(np.log((shares + ENOUGH) / (free + ENOUGH))))
+        shares = unexplained(robot_in(robot, replace(change, payload=corrected)), reading, _WITHOUT)
+        return float(_worse_half(np.log((shares + ENOUGH) / (free + ENOUGH))).max())
 
     excess, mistake = min((worse(corrected), advice) for advice, corrected in _usual_mistakes(payload))
     if excess > WORSE:
         # Any payload also makes up for torque constants that the other recordings hardly show: this one is far off.
-        mistake, joints = "correct its mass [kg] and centre [m]", joints & (np.nanmin(stated, axis=0) > RIGHT)
+        mistake, joints = "correct its mass [kg] and centre [m]", joints & (np.fmin(*stated) > RIGHT)
     if not joints.any():
         return ()
-    j = int(np.argmax(np.where(joints, np.nanmax(stated, axis=0), -np.inf)))
+    j = int(np.argmax(np.where(joints, _worse_half(stated), -np.inf)))
     center = ", ".join(f"{x:.3g}" for x in payload.center)
     frame = robot.payload_frame or "the joint that moves its link"
     return (
         Fault(
             f"its payload is not the stated one of {payload.mass:.3g} kg at ({center}) m",
-            f"the model explains the recordings without a payload; with this one {100 * np.nanmax(stated[:, j]):.0f} % "
+            f"the model explains the recordings without a payload; with this one {100 * _worse_half(stated)[j]:.0f} % "
             f"of the torque of {robot.joint_names[j]} is left unexplained, with the right one "
-            f"{max(100 * np.nanmax(free[:, j]), 0.1):.2g} %",
+            f"{max(100 * largest[j], 0.1):.2g} %",
             f"in recordings.yaml {mistake} (its centre counts from the frame of {frame}); or write changed: [payload] "
             "there in place of payload, and it is estimated",
         ),
@@ -105,17 +110,31 @@ def _usual_mistakes(payload: KnownPayload) -> list[tuple[str, KnownPayload]]:
     return [(advice, KnownPayload(mass, center)) for advice, mass, center in out]
 
 
+def _is_bare(change: Change) -> bool:
+    """True if a recording has no payload, and nothing else that differs from the given model."""
+    return (change.payload is None or change.payload.mass == 0) and not change.controllers and not change.changed
+
+
 def _bare_shares(robot: Robot, recording: Recording) -> Float[Array, " nv"]:
     """Unexplained share of each joint's torque without a payload, in the worse half; infinite if it is unknown."""
-    reading = _reading(robot, recording)
+    unknown, reading = np.full(robot.nv, np.inf), _reading(robot, recording)
     if reading is None:
-        return np.full(robot.nv, np.inf)
-    return np.nan_to_num(np.nanmax(unexplained(robot, reading, WITHOUT_LOAD), axis=0), nan=0.0)
+        return unknown
+    try:
+        shares = unexplained(robot, reading, _WITHOUT)
+    except ChainError:
+        return unknown
+    return np.where(np.isnan(shares).all(axis=0), np.inf, _worse_half(shares))
+
+
+def _worse_half(shares: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
+    """The larger value of both halves of a recording; zero for a joint whose torque hardly varies in either."""
+    return np.nan_to_num(np.fmax(*shares))
 
 
 def _reading(robot: Robot, recording: Recording) -> Reading | None:
-    """Smoothed samples of a recording with torque; None if it has no torque or too little motion."""
-    if recording.tau is None or recording.poses_alone:
+    """Smoothed samples of a recording with torque; None without torque, with measured forces or too little motion."""
+    if recording.tau is None or recording.poses_alone or recording.forces:
         return None
     smooth = smoothed(busiest(recording))
     reading = None if smooth is None else reading_of(smooth)

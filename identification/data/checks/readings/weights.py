@@ -18,6 +18,9 @@ _MATTERS = 0.2
 # Torques contain the weight if the gravity that is estimated from them is above this share of the true gravity. Wrong
 # torque constants may halve the estimate.
 _CONTAINED = 0.3
+# The torque of a single joint lacks all weight if the gravity that it shows is at most the first share of the true one,
+# and contains the weight if it is at least the second.
+_NONE, _HALF = 0.1, 0.5
 # The base is mounted in another way if the cosine between estimated and given gravity is at most the first number; the
 # diagnosis finds smaller tilts. The estimate is along an axis if the cosine between them is above the second number.
 _UPRIGHT, _ALONG = float(np.cos(np.radians(40.0))), float(np.cos(np.radians(10.0)))
@@ -36,14 +39,19 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
     # The constant torque of a joint at rest does not show whether its weight was subtracted or a brake bears it.
     joints = tuple(np.flatnonzero(matters & varies(reading.tau)).tolist())
     size = float(np.linalg.norm(robot.model.gravity.linear))
-    largest = size if loaded else _CONTAINED * size
 
-    def lack(some: tuple[int, ...]) -> bool:
-        """Whether the torques of some joints together do not show gravity."""
-        return bool(np.linalg.norm(gravity_from_torques(robot, reading, some)) <= largest)
+    def felt(some: Sequence[int]) -> float:
+        """Gravity that the torques of some joints together show, as a share of the model's."""
+        return float(np.linalg.norm(gravity_from_torques(robot, reading, some))) / size
 
-    without = joints if loaded else tuple(j for j in joints if lack((j,)))
-    if not without or (without == joints and not lack(joints)):
+    if not joints or size == 0.0:
+        return []
+    each = np.array([felt((j,)) for j in joints])
+    without = joints
+    if not loaded and ((each <= _NONE) | (each >= _HALF)).all() and (each <= _NONE).any():
+        # Torques of other joints contain their weight: a controller or a counterbalance carries that of these alone.
+        without = tuple(j for j, share in zip(joints, each, strict=True) if share <= _NONE)
+    if without == joints and felt(joints) > (1.0 if loaded else _CONTAINED):
         return []
     entries = {"tau": "{compensated: gravity}"}
     if without != joints:

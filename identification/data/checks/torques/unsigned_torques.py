@@ -28,49 +28,62 @@ _ROUNDS = 10
 
 
 def unsigned_fault(recording: Recording, reading: Reading, needed: Float[Array, "N nv"]) -> Fault | None:
-    """The fault of torques that are magnitudes, with no sign or that of the velocity.
+    """The fault of torques that are magnitudes: never negative, and equal to the modelled torque without its sign.
 
     Args:
         recording: Raw samples.
         reading: Smoothed samples of the recording.
         needed: Torque of the model without friction at the same samples [N m or N].
     """
-    if recording.tau is None:
+    found = _magnitudes(reading, needed, _one_sign(recording, reading, needed), np.ones_like(needed))
+    if not found:
         return None
-    found = []
-    never_negative = _one_sign(recording, reading, needed)
-    for j in np.flatnonzero((never_negative | _along_velocity(reading, needed)) & varies(reading.tau)):
-        sign = np.ones(len(needed)) if never_negative[j] else reading.sign[:, j]
-        rows = np.abs(sign) > _SURE  # elsewhere the filter has mixed torques of both signs
-        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(len(needed))])
-        columns, tau, sign = columns[rows], reading.tau[rows, j], np.sign(sign[rows])
-        # The signs of the first round are those of the model's torque; each later round takes the signs of the fit
-        # before it.
-        x = np.array([1.0, 0.0, 0.0, 0.0])
-        for _ in range(_ROUNDS):
-            x = np.linalg.lstsq(columns * (np.sign(columns @ x) * sign)[:, None], tau, rcond=1e-9)[0]
-        left_as_magnitude = float(np.mean((tau - np.abs(columns @ x) * sign) ** 2))
-        left_as_signed = _mean_square(columns, tau)
-        if x[0] > 0 and left_as_magnitude < _RIGHT * tau.var() and left_as_magnitude < _LIKELY * left_as_signed:
-            found.append((j, left_as_signed / tau.var(), left_as_magnitude / tau.var()))
-    if not any(left_as_magnitude < _CERTAIN * left_as_signed for _, left_as_signed, left_as_magnitude in found):
-        return None
-    # If one joint is certain, the joints that are only probable count as well: the same drives log them.
-    names = listed([recording.joint_names[j] for j, _, _ in found])
-    worst, left_as_signed, left_as_magnitude = max(found, key=lambda one: one[1])
-    several = len(found) > 1
-    no_sign, seldom = ("no sign", "negative") if never_negative[worst] else ("the sign of the velocity", "against it")
+    names, several = listed([recording.joint_names[j] for j in found]), len(found) > 1
+    left_as_signed, left_as_magnitude = max(found.values())
     return Fault(
-        f"the torque{'s' * several} of {names} {'have' if several else 'has'} {no_sign}",
-        f"the motion needs torques of both signs, {'these are' if several else 'this is'} never {seldom}; as a signed "
+        f"the torque{'s' * several} of {names} {'have' if several else 'has'} no sign",
+        f"the motion needs torques of both signs, {'these are' if several else 'this is'} never negative; as a signed "
         f"torque {100 * left_as_signed:.0f} % of it is left unexplained, as a magnitude "
         f"{max(100 * left_as_magnitude, 0.1):.2g} %",
         "record the torque with its sign: it cannot be put back with certainty where the torque passes zero",
     )
 
 
+def _magnitudes(
+    reading: Reading, needed: Float[Array, "N nv"], possible: Bool[Array, " nv"], logged_sign: Float[Array, "N nv"]
+) -> dict[int, tuple[float, float]]:
+    """Joints whose torques are magnitudes, with their unexplained shares as signed torques and as magnitudes.
+
+    Args:
+        reading: Smoothed samples of the recording.
+        needed: Torque of the model without friction at the same samples [N m or N].
+        possible: Joints that are tested.
+        logged_sign: Sign that the log gives the magnitudes, filtered as they are.
+    """
+    out, certain = dict[int, tuple[float, float]](), False
+    for j in np.flatnonzero(possible & varies(reading.tau)).tolist():
+        rows = np.abs(logged_sign[:, j]) > _SURE  # elsewhere the filter has mixed torques of both signs
+        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(len(needed))])
+        columns, tau, sign = columns[rows], reading.tau[rows, j], np.sign(logged_sign[rows, j])
+        # The signs of the first round are those of the model's torque; each later round takes the signs of the fit
+        # before it.
+        x = np.array([1.0, 0.0, 0.0, 0.0])
+        for _ in range(_ROUNDS):
+            x = np.linalg.lstsq(columns * (np.sign(columns @ x) * sign)[:, None], tau, rcond=1e-9)[0]
+        left_as_magnitude = float(np.mean((tau - np.abs(columns @ x) * sign) ** 2) / tau.var())
+        left_as_signed = _mean_square(columns, tau) / float(tau.var())
+        if x[0] > 0 and left_as_magnitude < min(_RIGHT, _LIKELY * left_as_signed):
+            out[j] = left_as_signed, left_as_magnitude
+            certain = certain or left_as_magnitude < _CERTAIN * left_as_signed
+    # If one joint is certain, the joints that are only probable count as well: the same drives log them.
+    return out if certain else {}
+
+
 def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """Warnings on torques that are never negative although the model needs both signs.
+    """Warnings on torques that look like magnitudes, because the model needs others than they are.
+
+    They are never negative, or never against the velocity, as in logs that give a magnitude the sign of the velocity.
+    A gear that locks itself needs such torques too, so the latter is never certain.
 
     Args:
         recording: Raw samples.
@@ -78,7 +91,8 @@ def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N n
         model: Torque of the model without friction at the same samples [N m or N].
     """
     out = []
-    for j in np.flatnonzero(_one_sign(recording, data, model)):
+    never_negative = _one_sign(recording, data, model)
+    for j in np.flatnonzero(never_negative):
         v, sign, tau = data.motion.v[:, j], data.sign[:, j], np.abs(data.tau[:, j])
         as_signed = regress_torque(model[:, j], v, sign, tau)
         as_magnitude = regress_torque(np.abs(model[:, j]), v, sign, tau)
@@ -89,6 +103,15 @@ def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N n
                 f"{recording.file}: the torque of {recording.joint_names[j]} is never negative although its motion "
                 "needs both signs: it looks like a magnitude; record it with its sign."
             )
+    along = _magnitudes(data, model, _along_velocity(data, model) & ~never_negative, data.sign)
+    if along:
+        names, several = listed([recording.joint_names[j] for j in along]), len(along) > 1
+        out.append(
+            f"{recording.file}: the torque{'s' * several} of {names} never brake{'s' * (not several)} the motion, as "
+            "the weight of the links needs: either the log gives magnitudes the sign of the velocity, and what is "
+            "found there is wrong, or the gears lock themselves, as worms and screws do; record the torque with its "
+            "own sign."
+        )
     return tuple(out)
 
 

@@ -122,7 +122,14 @@ def sum_notes(robot: Robot, term: Term) -> tuple[Note, ...]:
         robot: The given model.
         term: A finding of free inertial parameters.
     """
-    sums = tuple(equation.split(" = ", 1)[1] for equation in _reduced(robot, term)[0].regroupings())
+    base = _reduced(robot, term)[0]
+    equations = dict(equation.split(" = ", 1) for equation in base.regroupings())
+    names = (base.names[k] for k in base.independent)
+    sums = {
+        name: equations[base_name]
+        for name, base_name in zip(names, base.base_names, strict=True)
+        if base_name in equations
+    }
     return (Note(Code.SUMS, term.joint, {"sums": sums}),) if sums else ()
 
 
