@@ -86,7 +86,8 @@ def _write_netcdf(data: Dataset, path: Path) -> None:
     """Write a data set as NetCDF.
 
     The library raises an unspecific error if the disk is full, so its error is replaced by one that names this cause.
-    It also locks the file that it writes, and refuses locked files. It therefore writes into a temporary folder.
+    The library also refuses to write a file that is locked, and `temporary_beside` holds a lock on ``path``. So the
+    file is written in a temporary folder and then copied.
     """
     with TemporaryDirectory() as folder:
         made = Path(folder) / path.name

@@ -60,7 +60,7 @@ def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...
 
 
 def _decimated(motion: Motion, step: int, first: int, last: int) -> Motion:
-    """Decimated samples ``first`` to ``last`` of a motion, for a band without a filter."""
+    """Decimated samples of a motion from ``first`` up to, not including, ``last``, for a band without a filter."""
     return motion.at(slice(first * step, (last - 1) * step + 1, step))
 
 

@@ -1,8 +1,8 @@
 """Windows and initial states of rollouts (multiple shooting), and simulations of a model from an initial state.
 
-Windows are stretches of the judged samples. States are smoothed over neighbouring samples; their standard deviations
-are those of the remaining encoder noise. A simulation moves freely under a torque, or follows the recording by
-additional feedback.
+Windows are short stretches of the samples on which models are compared (the judged samples). States are smoothed over
+neighbouring samples; their standard deviations are those of the remaining encoder noise. A simulation moves freely
+under a torque, or follows the recording by additional feedback.
 """
 
 from __future__ import annotations
@@ -27,6 +27,12 @@ from phantom_dyn.signals.splines import interpolated
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, Given, Simulation, simulate
 
+SHORTEST = 2e-5  # shortest step [s]: with shorter ones a rollout would take too long
+STEP = 1e-3  # longest step [s]: the midpoint rule follows a 20 Hz motion with a phase error of 0.2 %
+# Natural frequency [rad/s] of the critically damped feedback by which a model follows the recording.
+_FEEDBACK_FREQUENCY = 2.0 * np.pi * 15.0
+# Natural frequency [rad/s] for a motor behind a spring or backlash: it is higher, because the motor's inertia is small.
+_MOTOR_FEEDBACK_FREQUENCY = 2.0 * np.pi * 60.0
 _WINDOW = 50  # number of samples over which scatter is estimated
 _LEAST = 1e-9  # smallest standard deviation of a state [rad or m]: rounding of the readings in files
 _READING_STEP = 1e-4  # step of finite differences of an encoder's reading by the position [rad or m]
@@ -201,6 +207,7 @@ def windows_in(
         block = blocks[k]
         log = logs[block.log]
         samples, rate = log.samples, log.band.rate_hz
+        # From the core on: the samples before it share noise with the previous block.
         for joints, first, stop in _free_stretches(log, int(samples[block.core]), int(samples[block.stop - 1]) + 1):
             length = min(max(_LEAST_ROWS, round(seconds * rate) + 1), stop - first)
             if length < _LEAST_ROWS:
@@ -255,16 +262,8 @@ def window_at(logs: tuple[Log, ...], window: Window, lead: float) -> Window | No
     return replace(window, lead=wanted if len(last) == 0 else wanted - 1 - int(last[-1]))
 
 
-SHORTEST = 2e-5  # shortest step [s]: with shorter ones a rollout would take too long
-STEP = 1e-3  # longest step [s]: the midpoint rule follows a 20 Hz motion with a phase error of 0.2 %
-# Natural frequency [rad/s] of the critically damped feedback by which a model follows the recording.
-_FEEDBACK_FREQUENCY = 2.0 * np.pi * 15.0
-# Natural frequency [rad/s] for a motor behind a spring or backlash: it is higher, because the motor's inertia is small.
-_MOTOR_FEEDBACK_FREQUENCY = 2.0 * np.pi * 60.0
-
-
-def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Torque [N m or N] of the drives if ``tau`` is commanded.
+def exerted_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Torque [N m or N] that the drives exert if ``tau`` is commanded: after the log's delay and the drives' effects.
 
     Args:
         model: The model, with the effects of its drives and the timing of the log.
@@ -281,14 +280,19 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
 
 
 def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
-    """Torque [N m or N] of a model's drives over a recording, plus that of measured external forces."""
+    """Torque [N m or N] of a model's drives over a recording, plus that of measured external forces.
+
+    The recorded torque is changed in three more ways if the model says so: the controller's references are delayed
+    (``late_references``); they arrive later within the controller's period (``arrivals``); or the modelled dry friction
+    changes sign gradually (``soft``).
+    """
     tau = log.tau
     if model.late_references is not None and log.references is not None:
         rows = [log.references.later(float(delay), (row,)) for row, delay in enumerate(model.late_references)]
         tau = tau + np.hstack(rows)
     if model.arrivals:
         tau = tau + log.later_references(model.arrivals)
-    out = given_torque(model, log.motion.t, tau) + (0.0 if log.external is None else log.external)
+    out = exerted_torque(model, log.motion.t, tau) + (0.0 if log.external is None else log.external)
     for joint, share in model.soft:
         out -= share * softness(model.robot, log.motion, joint)
     return out
@@ -355,4 +359,13 @@ def feedback_law(
 ) -> Tracking:
     """Torque law: the given torque, plus feedback towards ``q`` and ``v`` where the mask ``where`` is True."""
     tables = gains[:, None] * where
-    return Tracking(t, torque, q, v, tables[0], tables[1], np.zeros_like(q), np.full(q.shape[1], np.inf))
+    return Tracking(
+        t=t,
+        feedforward=torque,
+        q_ref=q,
+        v_ref=v,
+        kp=tables[0],
+        kd=tables[1],
+        extra=np.zeros_like(q),
+        limits=np.full(q.shape[1], np.inf),
+    )

@@ -36,7 +36,7 @@ def with_poses(
         diagnosis: Diagnosis of the torques.
         robot: The given model.
         recordings: All recordings.
-        known: Places of a closed chain that earlier poses have shown.
+        known: Corrected placements of the joints and frames of a closed chain, from earlier diagnoses of poses.
     """
     if not has_poses(recordings):
         return diagnosis
@@ -63,7 +63,7 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
     Args:
         robot: The given model.
         recordings: Recordings with poses and without torque.
-        known: Places of a closed chain that earlier poses have shown.
+        known: Corrected placements of the joints and frames of a closed chain, from earlier diagnoses of poses.
     """
     from identification.geometry.diagnose_poses import diagnose_poses
 
@@ -117,7 +117,8 @@ def _entries(found: GeometryResult) -> tuple[Claim[EffectAt], ...]:
 def verdict_together(torques: str, poses: str) -> str:
     """The common verdict of a diagnosis of torques and one of poses.
 
-    Any other verdict takes precedence over ``no_gap``, which takes precedence over ``not_testable``.
+    Any other verdict takes precedence over ``no_gap``, which takes precedence over ``not_testable``. Of two other
+    verdicts that differ, ``unknown`` takes precedence; without it the result is ``partly_explained``.
 
     Args:
         torques: Verdict of the torques.

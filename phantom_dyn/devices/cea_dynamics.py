@@ -18,9 +18,10 @@ Parameters that Table 4 leaves out, because the source calls them small, are zer
 two misprints: the noise in (4) is :math:`E(\rho \rho^T) = \sigma^2 I`, and (5) lacks the square of the norm.
 
 At the tip (18) gives :math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}` and
-:math:`F_{cop} = J^{-T} F_c`. Lengths are arguments here, because the source gives neither lengths nor posture;
-`phantom_dyn.maps` makes maps of the robot file. `nearest_posture` finds a posture whose values are in the published
-ranges. About this posture, ``examples/cea_figures.py`` draws figures similar to figures 8 and 9 of the source.
+:math:`F_{cop} = J^{-T} F_c`. Lengths are arguments here, because the source gives neither lengths nor posture. (For
+maps of the robot as its file states it, see `phantom_dyn.maps`.) `nearest_posture` finds a posture whose values are in
+the published ranges. About this posture, ``examples/cea_figures.py`` draws figures similar to figures 8 and 9 of the
+source.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def _tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
 
 
 def _root_motion(robot: Robot, tree: TreeMotion) -> Float[Array, "N 9"] | None:
-    """Motion of a floating base as the compiled loops need it; None for a fixed base.
+    """Motion of a floating base as the compiled functions need it; None for a fixed base.
 
     Raises:
         RobotError: If the base floats and its motion is not given.
@@ -133,8 +133,9 @@ def inverse_dynamics_derivatives(
 ) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
     r"""Derivatives :math:`\partial\tau/\partial q` and :math:`\partial\tau/\partial v` with armature, without friction.
 
-    They are analytic if the loops are linear (constant ``G``). Otherwise they are central differences with steps of
-    1e-5 rad or m in the active joints, with errors of about 1e-7 of the torque.
+    They are analytic for a tree, and for a closed chain whose passive joints follow the active ones linearly. Otherwise
+    they are central differences with steps of 1e-5 rad or m in the active joints, with errors of about 1e-7 of the
+    torque.
 
     Args:
         robot: The robot.

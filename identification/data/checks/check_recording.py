@@ -53,7 +53,8 @@ class Checked:
     Attributes:
         warnings: Sentences on possible errors.
         wrong: Certain faults.
-        unread: Joints whose torque was not read in some rows, in which a constant value was written.
+        unread: Joints whose torque has one constant value in many rows, where no torque was measured; a diagnosis does
+            not judge them.
     """
 
     warnings: tuple[str, ...]
@@ -150,15 +151,18 @@ def _check_torque(recording: Recording, robot: Robot, smooth: Smooth, filtered: 
     """
     assert recording.tau is not None
     external = external_torque(robot, recording.q, recording.forces) if recording.forces else None
+    # The torque of the measured forces is smoothed like that of the drives, in a copy of the recording in which it
+    # takes the place of the drive torque.
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
+    # A reading is the data under one assumption on units, signs and order of joints; this one is the data as recorded.
     reading = reading_of(smooth, None if forces is None else forces.tau)
     if reading is not None:
         reading = of_voltages(reading, robot, recording.torque_from, smooth.step)
-    wrong, offers = certain_faults(recording, robot, reading)
+    wrong, possible_mistakes = certain_faults(recording, robot, reading)
     wrong = wrong or beyond_range(recording, robot)
-    if wrong or offers:
+    if wrong or possible_mistakes:
         # Other differences from the model would mostly be consequences of these faults.
-        return Checked(offers, wrong)
+        return Checked(possible_mistakes, wrong)
     with_forces = recording
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
         with_forces = replace(recording, tau=recording.tau + external, forces={})

@@ -165,8 +165,8 @@ def until_same_set(
 ) -> tuple[State, Chosen]:
     """Repeat a search, each time with columns recomputed at the fit of the set found, until it finds the same set.
 
-    The repetition also ends if a search returns to an earlier set, or after five searches. The first two searches never
-    end it, nor does the third by an earlier set.
+    The repetition also ends if a search returns to an earlier set, or after five searches. It takes at least three
+    searches, because the second may leave out outliers, and a return to an earlier set counts only from the fourth on.
 
     Args:
         state: Initial state, with the columns of the first search.

@@ -27,11 +27,12 @@ CHOOSING = 1e-6
 """Weight of a prior that only chooses among parameters that the recording cannot distinguish."""
 
 _ATTEMPTS = ((1e7, 1e-10), (1e7, 1e-9), (1e7, 1e-7), (1e5, 1e-7), (1e4, 1e-6), (1e3, 1e-6))
-"""Settings of successive attempts: the norm to which the equations are limited, and Clarabel's tolerance in units of
-the log-likelihood. Without noise the norm would be 1e9 or more, and the prior would be lost to rounding."""
+"""Settings of successive attempts: the largest norm of the equations, to which they are scaled down, and Clarabel's
+tolerance in units of the log-likelihood. The equations are in units of the noise: if there is almost none, their norm
+is 1e9 or more, and the prior would be lost to rounding."""
 
-_ACTIVE_SLACK = 1e-5  # largest slack of an active inequality, in units of its row
-_LEAST_MULTIPLIER = 1e-3  # smallest multiplier (gain of the log-likelihood per unit of slack) of an active inequality
+_ACTIVE_SLACK = 1e-5  # largest slack of a bound that counts as active, in units of `Program.scale`
+_LEAST_MULTIPLIER = 1e-3  # smallest multiplier (gain of the log-likelihood per unit of slack) of an active constraint
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,11 @@ class Program:
 
     @property
     def scale(self) -> Float[Array, " p"]:
-        """Unit of each parameter: that of the reference body; a unit coefficient has as much torque as all bodies."""
+        """Unit of each parameter.
+
+        For a body it is that of the reference body; for a coefficient it is the value that produces as much torque as
+        all bodies together.
+        """
         body_scales = np.concatenate([np.zeros(0), *(body.scale for body in self.bodies)])
         norms = np.linalg.norm(self.factor[:, len(body_scales) :], axis=0)
         size = (
@@ -102,7 +107,11 @@ def is_possible(program: Program, pi: Float[Array, " p"]) -> bool:
 
 
 def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
-    """Least-squares solution of the equations nearest to the reference, without constraints."""
+    """Least-squares solution of the equations that is nearest to the reference, without constraints.
+
+    Each equation is divided by the length of its row, so that large and small equations count alike if not all can
+    hold.
+    """
     roots = [_root(body) for body in program.bodies]
     free = program.factor.shape[1] - 10 * len(program.bodies)
     inverse = np.asarray(block_diag(*roots, np.eye(free) / FREE))
@@ -158,13 +167,14 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
     bodies = [slice(10 * body, 10 * body + 10) for body in range(n)]
     slopes = [np.einsum("kd,kij->ijd", back[body], PSEUDO).reshape(1, 16, -1) for body in bodies]
     values = Values(
-        rows @ back,
-        least - rows @ start,
-        np.concatenate([np.zeros((0, 16, back.shape[1])), *slopes]),
-        pseudo_inertia(start[: 10 * n].reshape(n, 10)),
-        np.tile(program.margin * np.eye(4), (n, 1, 1)),
+        rows=rows @ back,
+        least=least - rows @ start,
+        slopes=np.concatenate([np.zeros((0, 16, back.shape[1])), *slopes]),
+        constants=pseudo_inertia(start[: 10 * n].reshape(n, 10)),
+        margins=np.tile(program.margin * np.eye(4), (n, 1, 1)),
     )
-    change, forces, pushes, status = stated(Shape(back.shape[1], first, len(least))).solved(values, tolerance)
+    shape = Shape(back.shape[1], first, len(least))
+    change, bound_multipliers, body_multipliers, status = stated(shape).solved(values, tolerance)
     if status not in ("optimal", "optimal_inaccurate"):
         return None, status
     x = start + back @ change
@@ -172,8 +182,9 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
     if n and eigenvalues.min() < 0.5 * program.margin:
         return None, "a body that cannot exist"
     near = eigenvalues <= 10 * program.margin
-    held = [body for body in range(n) if near[body] and np.abs(pushes[body]).max() > _LEAST_MULTIPLIER]
-    bounds = sorted(set(at[(rows @ x - least <= _ACTIVE_SLACK) & (forces > _LEAST_MULTIPLIER)].tolist()))
+    held = [body for body in range(n) if near[body] and np.abs(body_multipliers[body]).max() > _LEAST_MULTIPLIER]
+    active = (rows @ x - least <= _ACTIVE_SLACK) & (bound_multipliers > _LEAST_MULTIPLIER)
+    bounds = sorted(set(at[active].tolist()))
     return ProgramSolution(x * scale, tuple(held), tuple(bounds)), status
 
 
@@ -185,7 +196,7 @@ def _coordinates(program: Program, largest: float) -> tuple[Array, Array]:
 
     Args:
         program: The program.
-        largest: Norm to which the equations are limited.
+        largest: Largest norm of the equations, to which they are scaled down.
 
     Returns:
         ``start`` and ``back``: scaled parameters are ``start + back @ u``.

@@ -108,9 +108,9 @@ class Stated:
                 return np.zeros(size), np.zeros(0), [], str(error)
             if self.unknowns.value is None:
                 return np.zeros(size), np.zeros(0), [], str(self.problem.status)
-            forces = np.zeros(0) if self.limits is None else np.array(self.limits.dual_value)
-            pushes = [np.array(body.dual_value) for body in self.bodies]
-            return np.array(self.unknowns.value), forces, pushes, str(self.problem.status)
+            bound_multipliers = np.zeros(0) if self.limits is None else np.array(self.limits.dual_value)
+            body_multipliers = [np.array(body.dual_value) for body in self.bodies]
+            return np.array(self.unknowns.value), bound_multipliers, body_multipliers, str(self.problem.status)
 
 
 def _numbers(shape: Shape, values: Values) -> list[Array]:

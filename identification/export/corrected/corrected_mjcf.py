@@ -136,6 +136,7 @@ def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
     if gain != 1.0:
         motor.set("gear", repr(gain))
     if name in corrected.limits:
+        # The limit is one of the command. MuJoCo limits command plus bias, so the range is shifted by the bias.
         motor.set("forcerange", attribute_text([bias - corrected.limits[name], bias + corrected.limits[name]]))
     if bias:
         motor.tag = "general"
@@ -169,11 +170,11 @@ def add_cogging(root: Element, corrected: CorrectedModel) -> None:
     groups = root.findall("actuator")
     actuators = groups[-1] if groups else ElementTree.SubElement(root, "actuator")
     for name, waves in corrected.cogging.items():
-        for k, wave in enumerate(waves):
+        for k, (order, amplitude, phase) in enumerate(waves):
             own = {
                 "name": COGGING.format(name, k + 1),
                 "joint": name,
-                "cogging": attribute_text([wave[1], wave[0], wave[2]]),
+                "cogging": attribute_text([amplitude, order, phase]),
             }
             no_command = {"motorconst": f"{_NO_MOTOR} 0", "resistance": "1", "ctrlrange": "0 0"}
             ElementTree.SubElement(actuators, "dcmotor", own | no_command)

@@ -1,4 +1,4 @@
-"""Converts the findings of a diagnosis to effects, and applies its changes within tolerance to the given model."""
+"""Converts the findings of a diagnosis to effects, and applies its changes within tolerances to the given model."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
 
 
 def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
-    """Matrix ``L`` that describes the joint uncertainty of the numbers of `effect_of`.
+    """Matrix ``L`` that describes the errors of the numbers of `effect_of` and how they are correlated.
 
     With ``k`` independent standard normal numbers ``z`` the errors of the numbers are ``L z``. If a finding has no
     loadings, its errors count as independent, and standard deviations that are not finite count as zero.
@@ -53,7 +53,10 @@ def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
 
 
 def _names(robot: Robot, finding: Finding, stated: Collection[str]) -> list[str]:
-    """Names of a finding's parameters: first in the order of the catalogue, then further stated ones."""
+    """Names of a finding's parameters: first in the order of the catalogue, then further stated ones.
+
+    An effect with free inertial parameters has all of the catalogue and no others.
+    """
     effect = effect_named(finding.effect, robot)
     known = [parameter.name for parameter in effect.parameters(robot, finding.joint)]
     if effect.inertial == "free":
@@ -73,14 +76,16 @@ def _rows(finding: Finding, name: str) -> list[list[float]]:
 
 
 def robot_within_tolerances(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
-    """The given robot with changes within its tolerances; the same object if there are none.
+    """The given robot with the parameters that a diagnosis changed; the same object if it changed none.
+
+    Changes that are no parameters of the model, such as a delay of the recording or an error of a sensor, are left out.
 
     Findings were fitted together with these changes. A model with the findings but without the changes may have a
     larger residual than the diagnosis states, and even than the given model.
 
     Args:
         robot: The given model.
-        adjusted: The changes, as a diagnosis or a ``corrected.yaml`` lists them.
+        adjusted: The changes within tolerances, as a diagnosis or a ``corrected.yaml`` lists them.
 
     Raises:
         RobotError: If the mass of a link would be zero or negative, or is zero in the given model.

@@ -139,7 +139,7 @@ class JointCoupling(Effect):
         return np.array([shape[0], *coefficients])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """Size of the effect: Coulomb friction of the coupling."""
+        """The size is the Coulomb friction of the coupling; the coefficients are those of an effect of size one."""
         return "coulomb_torque", np.array([1.0, 0.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:

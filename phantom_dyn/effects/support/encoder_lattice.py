@@ -87,8 +87,9 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
     zero if readings between the teeth are as frequent as those on them.
 
     Two further conditions exclude combs with another cause. Readings have to cluster around the teeth along the whole
-    travel, and not only around a few positions where the joint creeps. They also have to cluster where the joint does
-    not turn by a whole number of steps per row: a joint at a constant speed is read at equal distances, too.
+    travel, and not only around a few positions where the joint creeps. They also have to cluster in rows where the
+    joint does not move by one or more whole steps from row to row. A joint that moves by whole steps is read at equal
+    distances even if its encoder is fine.
 
     Args:
         readings: Raw positions of one joint, as recorded.
@@ -102,11 +103,13 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
     comb[places] = 1.0
     # Zero padding interpolates the spectrum, which determines the step to a fraction of a line.
     magnitude = np.abs(np.fft.rfft(comb, 4 * length)) / len(places)
+    # Lines below this one would be combs with fewer than eight teeth (four lines per tooth, by the zero padding).
     first = 4 * _LEAST_LEVELS
     lines = np.flatnonzero(magnitude[first:] > _COMB)
     if len(lines) == 0:
         return None
     start = first + int(lines[0])
+    # The peak is within eight lines from this one on (two lines without padding).
     peak = start + int(np.argmax(magnitude[start : start + 8]))
     step = 4 * length * stated / peak
     others = np.unique(np.round((readings - readings.min()) / stated)[_at_other_speeds(readings, step)])

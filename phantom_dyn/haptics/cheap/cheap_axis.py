@@ -1,13 +1,16 @@
 """Parameters of a cheap axis of a haptic device, and of the good device on which the cheap one is simulated.
 
-The defects of a cheap axis are a virtual mass, play, friction, cogging and a force limit. The numbers are those of
-Table 2 of Brouwer and MacLean, Simulating Cheap Hardware. The paper says that its simulation was stable with all
-defects together. The printed table swaps the columns for friction (millirad for a translation, micrometres for a
-rotation); here each number belongs to the axis that has its unit. The table does not give the friction in slip, the
-period of the cogging, the level of clipping or the unit of the damping. The first three are arguments here. The damping
-is critical, which the text calls ideal: 7.75 N s/m at 0.1 kg and 150 N/m. The printed damping is 0.05, which is
-possible in no unit: in N s/m the damping ratio would be 0.006, in N s/mm 6.5. The rotary inertia is printed as
-"1 mkgmm" and taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as in translation.
+The defects of a cheap axis are a virtual mass, play, friction, cogging and a force limit. The probe is the part of the
+good device that the hand holds; the virtual mass is coupled to it.
+
+The numbers are those of Table 2 of Brouwer and MacLean, Simulating Cheap Hardware. The paper says that its simulation
+was stable with all defects together. The printed table swaps the columns for friction (millirad for a translation,
+micrometres for a rotation); here each number belongs to the axis that has its unit. The table does not give the
+friction in slip, the period of the cogging, the level of clipping or the unit of the damping. The first three are
+arguments here. The damping is critical, which the text calls ideal: 7.75 N s/m at 0.1 kg and 150 N/m. The printed
+damping is 0.05, which is possible in no unit: in N s/m the damping ratio would be 0.006, in N s/mm 6.5. The rotary
+inertia is printed as "1 mkgmm" and taken as 1e-3 kg m^2: with 1 N m/rad its period is 0.20 s, similar to that of the
+translation, 0.16 s.
 
 The good device is the Laparoscopic Surgical Workstation of Immersion (Table 1 of the same paper), with travel, encoder
 and motor of each axis. The twist of the tip has an encoder and no motor.

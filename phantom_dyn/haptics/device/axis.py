@@ -108,7 +108,12 @@ class TwoMassAxis:
 
     @property
     def transfer_function(self) -> TransferFunction:
-        """:math:`G_r = p_d / p`, motor position over motor force."""
+        """:math:`G_r = p_d / p`, motor position over motor force.
+
+        Here :math:`p_r = m_r s^2 + (b_r + b_c) s + k_c`, :math:`p_d = m_d s^2 + (b_d + b_c) s + k_c` and
+        :math:`p = p_r p_d - (k_c + b_c s)^2`. The stiffness of a spring from the body to ground is added to
+        :math:`p_d`.
+        """
         mr, md, br, bd = self.motor_mass, self.body_mass, self.motor_damping, self.body_damping
         k, b, kg = self.cable_stiffness, self.cable_damping, self.ground_stiffness
         # In the form p_r p_d - (k + b s)^2 terms would cancel with rounding errors; this expanded form avoids them.

@@ -33,7 +33,9 @@ Device = RigidAxis | TwoMassAxis
 
 @dataclass(frozen=True)
 class HeldDevice:
-    """Device, hand and force sensor as one system with the input motor force and the output minus the reading.
+    """Device, hand and force sensor as one system.
+
+    Its input is the motor force, and its output is the negative reading of the sensor.
 
     Attributes:
         device: Rigid device, or a device with two masses.
@@ -55,7 +57,7 @@ class HeldDevice:
 
     @property
     def transfer_function(self) -> TransferFunction:
-        """Minus the reading over the motor force, [N/N] or [N m/(N m)]."""
+        """Negative reading over the motor force, [N/N] or [N m/(N m)]."""
         numerator = np.trim_zeros(self.hand.polynomial(), "f")
         if isinstance(self.device, TwoMassAxis):
             cable = np.trim_zeros([self.device.cable_damping, self.device.cable_stiffness], "f")
@@ -133,7 +135,7 @@ def felt_impedance(
 
     Args:
         device: Rigid device, or a device with two masses, without a hand.
-        helped: G at the frequencies, shape ``(k,)``, or one number for all.
+        helped: G, motor force per force of the hand, at the frequencies, shape ``(k,)``, or one number for all.
         frequency: Frequencies [rad/s], shape ``(k,)``.
     """
     s = 1j * frequency

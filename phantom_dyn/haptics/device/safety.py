@@ -23,7 +23,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.number_checks import require_numbers, require_positive
 
-# Relative tolerance of the waiting time, because time steps whose sum is the limit add up with rounding errors.
+# Relative tolerance of the waiting time, because a sum of time steps that equals the limit has rounding errors.
 _ROUNDING = 1e-9
 
 

@@ -7,19 +7,21 @@ characteristic equation
 .. math:: 1 + K_f\, D(z)\, Z\left[H(s)\, G_f(s)\, \frac{Z_h(s)}{m s^2 + b s + Z_h(s)}\, e^{-t_d s}\right] = 0
    \quad (29)
 
-and :math:`K_f` has a limit, (32). For a delay that is so long that only the masses matter at the frequency of the
-crossing, the limit is :math:`1 + m / m_h`, (33).
+with the digital filter :math:`D`, the hold :math:`H`, the low pass :math:`G_f` of the sensor, the delay :math:`t_d`,
+and :math:`Z[\cdot]` for sampling. The gain :math:`K_f` has a limit, (32). For a delay that is so long that only the
+masses matter at the frequency of the crossing, the limit is :math:`1 + m / m_h`, (33).
 
 **Comparison with the chapter.** The chapter prints a limit with which 5.4 kg feel like 0.14 kg, but no numbers of its
 operator. This loop gives 0.14 kg for an operator of 0.271 kg. For 2 kg, the mass commonly cited for the named operator,
-the limit is 6.64 and the felt mass 0.71 kg, which disagrees with the chapter. Not every delay lowers the limit: without
-a delay the phase crosses at the Nyquist frequency, and half a period of delay more than doubles the limit; longer
-delays lower it.
+the limit is 6.64 and the felt mass 0.71 kg, which disagrees with the chapter. A short delay does not lower the limit:
+half a period of delay more than doubles it. (Without a delay the phase reaches -180 degrees only at the Nyquist
+frequency.) Longer delays lower it.
 
 **The vibration determines the limit.** The chapter says that modes which its model leaves out "play an important role",
-and uses a low pass at 30 Hz, below the 82 Hz of the cable. With the two masses of the LHIfAM and a hand of 2 kg the
-limit is 0.70 at 87 Hz instead of 6.64, and with the low pass 6.86 at 66 Hz. The gain of 5 in the chapter is stable with
-the low pass and unstable without. The rigid model (23.1 with and 6.64 without the low pass) does not show this.
+and uses a low pass at 30 Hz, below the 82 Hz of the cable. With the two masses of the LHIfAM (the chapter's device, see
+`phantom_dyn.haptics.device.published`) and a hand of 2 kg the limit is 0.70 at 87 Hz instead of 6.64, and with the low
+pass 6.86 at 66 Hz. The gain of 5 in the chapter is stable with the low pass and unstable without. The rigid model (23.1
+with and 6.64 without the low pass) does not show this.
 
 References:
     J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (28) to (33). The
@@ -195,4 +197,6 @@ def transparency(
 
 def _require_gain(gain: float) -> None:
     if not (math.isfinite(gain) and gain > -1):
-        raise ParameterError(f"The force gain is {gain}: give a number above -1, which would take all resistance away.")
+        raise ParameterError(
+            f"The force gain is {gain}: give a number above -1, at which the motor would cancel the hand's force."
+        )

@@ -11,7 +11,7 @@ from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.diagnosis.columns.blocks import split_blocks
 from identification.rollout.compare import HORIZONS, Rollout, compare_models
-from identification.rollout.rollout_starts import given_torque, spread, states_of, windows_in
+from identification.rollout.rollout_starts import exerted_torque, spread, states_of, windows_in
 from identification.rollout.shots import Shot, has_hidden_states, under_control, under_torque
 from identification.rollout.simulated_models import model_of
 from phantom_dyn.model.robot import Robot
@@ -41,7 +41,7 @@ class Recorded:
     def rollout(self, *causes: Cause, controlled: bool = False, seconds: float = 0.5) -> Rollout:
         """Of the given model and of one with ``causes``."""
         given, corrected = model_of(self.robot, ()), model_of(self.robot, causes)
-        torque = {m: given_torque(m, self.log.motion.t, self.log.tau) for m in (given, corrected)}
+        torque = {m: exerted_torque(m, self.log.motion.t, self.log.tau) for m in (given, corrected)}
 
         def open_loop(shot, model, start_shift):
             return under_torque(shot, model, torque[model], start_shift)

@@ -21,7 +21,7 @@ from identification.engine.products.blocks import Block
 from identification.notes import Code
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion
-from identification.rollout.rollout_starts import Window, given_torque, spread, true_state, windows_in
+from identification.rollout.rollout_starts import Window, exerted_torque, spread, true_state, windows_in
 from identification.rollout.shots import has_hidden_states, under_torque
 from identification.rollout.simulated_models import model_of
 from identification.rollout.simulated_motion import with_simulated_motion
@@ -68,7 +68,7 @@ def rms(errors: list[np.ndarray]) -> np.ndarray:
 def strayed(made, true: Cause, seconds: float) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the true model from estimated states, and from the states of the truth, on windows of such length."""
     model, ours, best = model_of(made.robot, (true,)), [], []
-    torque = given_torque(model, made.log.motion.t, made.log.tau)
+    torque = exerted_torque(model, made.log.motion.t, made.log.tau)
     for shot in made.shots(seconds):
         k, rows = shot.window.start, slice(shot.window.start, shot.window.stop)
         ours.append((under_torque(shot, model, torque) - shot.read)[1:])
@@ -89,7 +89,7 @@ def test_from_estimated_states_the_true_model_strays_as_little_as_from_true_ones
 
 def test_a_link_in_its_play_is_found(in_play):
     model = model_of(in_play.robot, (PLAY,))
-    torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
+    torque = exerted_torque(model, in_play.log.motion.t, in_play.log.tau)
     errors = []
     for shot in in_play.shots():
         hidden = shot.with_hidden_start(model, torque).hidden_start
@@ -129,7 +129,7 @@ def test_a_motor_on_a_spring_starts_where_its_encoder_reads_it(planar, record):
 
 def test_no_sample_behind_the_start_is_used(in_play):
     model = model_of(in_play.robot, (PLAY,))
-    torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
+    torque = exerted_torque(model, in_play.log.motion.t, in_play.log.tau)
     shot = in_play.shots()[5]
     raw, late = shot.states.raw.copy(), torque.copy()
     raw[shot.window.start + 1 :] += 1.0
@@ -145,7 +145,7 @@ def test_no_sample_behind_the_start_is_used(in_play):
 
 def test_without_samples_before_a_window_the_smoothed_state_is_taken(in_play):
     model = model_of(in_play.robot, (PLAY,))
-    torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
+    torque = exerted_torque(model, in_play.log.motion.t, in_play.log.tau)
     shot = in_play.shots()[3]
     bare = replace(shot, window=replace(shot.window, lead=0))
     hidden = bare.with_hidden_start(model, torque).hidden_start

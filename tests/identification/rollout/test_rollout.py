@@ -14,7 +14,7 @@ from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, Rollout, WindowMotion, horizon_of
 from identification.rollout.joint_limits import EngagedLimit, Simulated, limit_notes, limits_engaged, recorded_past
 from identification.rollout.rollout import _without_gaps, motion_deviations, turning_torque, unknown_if_motion_deviates
-from identification.rollout.rollout_starts import States, Window, given_torque, states_of, true_state
+from identification.rollout.rollout_starts import States, Window, exerted_torque, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import model_of, with_load
 from identification.rollout.simulated_motion import with_simulated_motion
@@ -90,7 +90,7 @@ def test_drives_give_what_a_simulation_gives(planar, truth):
     measured = replace(planar, torque_source="sensor")
     # What a sensor has read is of the step before a sample: in the middle half a step earlier.
     given = simulate(measured, (true,), torque_over_time(t, asked), t, np.zeros(2), max_step=1e-3).tau
-    ours = given_torque(model_of(planar, (true,)), t - 0.0005, asked)
+    ours = exerted_torque(model_of(planar, (true,)), t - 0.0005, asked)
     shifted = np.column_stack([np.interp(t - 0.0005, t, column) for column in ours.T])
     assert np.abs(shifted - given)[50:].max() < 0.02
 
@@ -98,7 +98,7 @@ def test_drives_give_what_a_simulation_gives(planar, truth):
 def test_a_torque_that_acts_late_is_shifted_by_samples(planar):
     t = np.arange(100) / 100.0
     ramp = np.column_stack([t, 2.0 * t])
-    late = given_torque(model_of(planar, (), late=0.5), t, ramp)
+    late = exerted_torque(model_of(planar, (), late=0.5), t, ramp)
     np.testing.assert_allclose(late[1:], ramp[1:] - [0.005, 0.01], atol=1e-12)
 
 
@@ -282,7 +282,7 @@ def over(record, planar):
         return motion_deviations(
             shots,
             lambda window, fold: model if not braked or any(shots[k].window is window for k in braked) else free,
-            lambda shot, known: given_torque(known, t, tau),
+            lambda shot, known: exerted_torque(known, t, tau),
             (wave,),
             (0, 1, 2, 3),
             0.5,

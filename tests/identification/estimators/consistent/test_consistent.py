@@ -222,10 +222,10 @@ def half_space(normal, least) -> Values:
 
 @pytest.mark.parametrize(("normal", "least"), [([1.0, 0.0, 0.0], 2.0), ([3.0, 0.0, 4.0], 10.0)])
 def test_the_numbers_are_those_of_the_call(normal, least):
-    at, forces, _, status = stated(SHAPE).solved(half_space(normal, least), 1e-10)
+    at, bound_multipliers, _, status = stated(SHAPE).solved(half_space(normal, least), 1e-10)
     wanted = least * np.array(normal) / np.dot(normal, normal)
     np.testing.assert_allclose(at, wanted, atol=1e-8)
-    np.testing.assert_allclose(forces, least / np.dot(normal, normal), rtol=1e-6)
+    np.testing.assert_allclose(bound_multipliers, least / np.dot(normal, normal), rtol=1e-6)
     assert status == "optimal"
 
 
