@@ -344,17 +344,16 @@ def test_torques_without_sign_are_refused_as_that(arm, recording):
 
 def test_magnitudes_with_the_sign_of_the_velocity_are_warned_of(planar2, planar_log):
     # A gear that locks itself needs torques along the velocity alone, too, so that it is not certain.
-    moving = np.sign(np.gradient(planar_log.q, axis=0))
-    found = checked(replace(planar_log, tau=np.abs(planar_log.tau) * moving), planar2)
+    signed = np.abs(planar_log.tau) * np.sign(np.gradient(planar_log.q, axis=0))
+    found = checked(replace(planar_log, tau=signed), planar2)
     assert found.wrong == ()
     assert "the torques of shoulder, elbow never brake the motion" in " ".join(found.warnings)
 
 
 def test_a_torque_that_only_weight_keeps_positive_has_its_sign(planar2, planar_log):
     # Known truth: the joint hangs to one side, and the model needs no other sign.
-    assert (
-        checked(replace(planar_log, tau=planar_log.tau + 2 * np.abs(planar_log.tau).max(axis=0)), planar2).wrong == ()
-    )
+    tau = planar_log.tau + 2 * np.abs(planar_log.tau).max(axis=0)
+    assert checked(replace(planar_log, tau=tau), planar2).wrong == ()
 
 
 @pytest.mark.parametrize("run", ["0kg", "1kg", "2kg"])
