@@ -117,7 +117,7 @@ def not_excited(base: BaseParameters, excited: BaseParameters) -> tuple[str, ...
 
 def parameters(fit: Fit) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     """Result for each base parameter of the links, and for each parameter of friction and drives."""
-    sums = dict(equation.split(" = ", 1) for equation in fit.base.regroupings())
+    sums = fit.base.sums()
     owners = _owners(fit)
     links: list[Parameter] = []
     others: list[Parameter] = []
@@ -130,7 +130,7 @@ def parameters(fit: Fit) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
             value=value,
             std=std,
             unit=unit,
-            regroups=sums.get(fit.names[row], ""),
+            regroups=sums.get(row, ""),
             identified=sure,
             why="" if sure else _why(value, std, unit),
             joint=joint,

@@ -87,13 +87,20 @@ class BaseParameters:
 
     def regroupings(self) -> tuple[str, ...]:
         """One equation per base parameter with regrouped parameters, such as ``a.IzzR = a.Izz + 0.25 b.m``."""
+        return tuple(f"{self.base_names[row]} = {whole}" for row, whole in self.sums().items())
+
+    def sums(self) -> dict[int, str]:
+        """The sum that each base parameter with regrouped parameters stands for, as ``{2: "a.Izz + 0.25 b.m"}``.
+
+        The key is its index among all base parameters.
+        """
         shown = self.regrouped
-        return tuple(
-            f"{self.base_names[row]} = {self.names[self.independent[row]]}"
+        return {
+            row: self.names[self.independent[row]]
             + "".join(_signed(self.grouping[row, k], self.names[self.dependent[k]]) for k in np.flatnonzero(shown[row]))
             for row in range(self.rank)
             if shown[row].any()
-        )
+        }
 
 
 def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) -> BaseParameters:

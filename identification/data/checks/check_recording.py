@@ -24,7 +24,7 @@ from identification.data.checks.positions import (
     check_velocity,
     position_noise,
 )
-from identification.data.checks.readings.reading import of_voltages, reading_of
+from identification.data.checks.readings.reading import as_recorded
 from identification.data.checks.readings.suspects import slow_clock
 from identification.data.checks.references import reference_faults
 from identification.data.checks.runaway import ran_away
@@ -155,9 +155,7 @@ def _check_torque(recording: Recording, robot: Robot, smooth: Smooth, filtered: 
     # takes the place of the drive torque.
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
     # A reading is the data under one assumption on units, signs and order of joints; this one is the data as recorded.
-    reading = reading_of(smooth, None if forces is None else forces.tau)
-    if reading is not None:
-        reading = of_voltages(reading, robot, recording.torque_from, smooth.step)
+    reading = as_recorded(smooth, robot, recording.torque_from, None if forces is None else forces.tau)
     wrong, possible_mistakes = certain_faults(recording, robot, reading)
     wrong = wrong or beyond_range(recording, robot)
     if wrong or possible_mistakes:

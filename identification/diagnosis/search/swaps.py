@@ -32,8 +32,6 @@ from phantom_dyn.array_types import Array, Float
 _WORTH_TRYING = 8
 # The same for the swaps on each set of joints, if the robot has many joints.
 _TRIED_EACH = 3
-# Of an effect with at most this many parts, every sum of parts is tried; with more parts, only pairs and the whole sum.
-_ALL_SUMS = 3
 
 
 def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
@@ -186,15 +184,14 @@ def _groups(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]
 def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
     """Sets of two or more effects whose sum may make the torque of one effect.
 
-    An effect with one parameter for several joints is replaced by parts on all of these joints. Of many parts, all
-    pairs are tried, and all parts together.
+    An effect with one parameter for several joints is replaced by parts on all of these joints. An effect of one joint
+    is replaced by pairs of a part on this joint and another part, and by all parts together.
     """
     parts = parts_of(search, term)
     if len(joints_of(term)) > 1:
         return [frozenset(part for part in parts if part.joint is not None)]
-    if len(parts) <= _ALL_SUMS:
-        return _groups(parts)
-    return [*_groups(parts, most=2), frozenset(parts)]
+    pairs = [frozenset([one, other]) for one in parts for other in parts if one.joint == term.joint and one != other]
+    return list(dict.fromkeys([*pairs, frozenset(parts)])) if len(parts) > 1 else []
 
 
 def parts_of(search: Search, term: Term) -> list[Term]:

@@ -92,6 +92,21 @@ def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> 
     return Reading(motion, in_band(smooth.sign), tau, np.zeros_like(tau) if external is None else in_band(external))
 
 
+def as_recorded(
+    smooth: Smooth, robot: Robot, torque_from: Mapping[str, str], external: Float[Array, "M nv"] | None = None
+) -> Reading | None:
+    """The data as recorded (`reading_of`), with the possible errors of torques that were computed from voltages.
+
+    Args:
+        smooth: Low-passed copy of the recording.
+        robot: The robot with the constants of its motors.
+        torque_from: The quantity from which the torque of each joint was computed.
+        external: Torque of measured forces at the times of ``smooth``; None without measured forces.
+    """
+    reading = reading_of(smooth, external)
+    return None if reading is None else of_voltages(reading, robot, torque_from, smooth.step)
+
+
 def _moving_edge(smooth: Smooth) -> float:
     """Frequency [Hz] above which the velocities are mostly noise, at most the cut-off of the smoothed copy."""
     v = smooth.v[smooth.inside] - smooth.v[smooth.inside].mean(axis=0)

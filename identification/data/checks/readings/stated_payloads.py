@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.data.changes import Change, KnownPayload, robot_in
 from identification.data.checks.readings.plausible_fit import AS_MODELLED, ENOUGH, PLAUSIBLE, WITHOUT_LOAD, unexplained
-from identification.data.checks.readings.reading import Reading, of_voltages, reading_of
+from identification.data.checks.readings.reading import Reading, as_recorded
 from identification.data.checks.readings.reading_fits import FAR_BETTER, RIGHT, WORSE, joint_gains_of
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.recording import Fault, Recording
@@ -137,7 +137,4 @@ def _reading(robot: Robot, recording: Recording) -> Reading | None:
     if recording.tau is None or recording.poses_alone or recording.forces:
         return None
     smooth = smoothed(busiest(recording))
-    reading = None if smooth is None else reading_of(smooth)
-    if smooth is None or reading is None:
-        return None
-    return of_voltages(reading, robot, recording.torque_from, smooth.step)
+    return None if smooth is None else as_recorded(smooth, robot, recording.torque_from)

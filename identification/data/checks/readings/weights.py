@@ -46,11 +46,13 @@ def compensated_suspects(robot: Robot, reading: Reading, *, loaded: bool = False
 
     if not joints or size == 0.0:
         return []
-    each = np.array([felt((j,)) for j in joints])
     without = joints
-    if not loaded and ((each <= _NONE) | (each >= _HALF)).all() and (each <= _NONE).any():
-        # Torques of other joints contain their weight: a controller or a counterbalance carries that of these alone.
-        without = tuple(j for j, share in zip(joints, each, strict=True) if share <= _NONE)
+    if not loaded:
+        each = {j: felt((j,)) for j in joints}
+        lacking = tuple(j for j in joints if each[j] <= _NONE)
+        if lacking and all(each[j] >= _HALF for j in joints if j not in lacking):
+            # Other torques contain their weight: a controller or a counterbalance carries that of these joints alone.
+            without = lacking
     if without == joints and felt(joints) > (1.0 if loaded else _CONTAINED):
         return []
     entries = {"tau": "{compensated: gravity}"}

@@ -1,4 +1,4 @@
-"""Estimates by how much a torque is late or early against the motion, as a shift or as a first-order low pass.
+"""Estimates the delay of a torque relative to the motion, as a shift in time or as a first-order low pass.
 
 The torque is shifted, or a low pass is inverted, until rigid bodies with free inertial parameters and free friction fit
 best. A recording that is too short for so many parameters is fitted by the model torque times a free factor.

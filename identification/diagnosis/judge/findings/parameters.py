@@ -123,13 +123,7 @@ def sum_notes(robot: Robot, term: Term) -> tuple[Note, ...]:
         term: A finding of free inertial parameters.
     """
     base = _reduced(robot, term)[0]
-    equations = dict(equation.split(" = ", 1) for equation in base.regroupings())
-    names = (base.names[k] for k in base.independent)
-    sums = {
-        name: equations[base_name]
-        for name, base_name in zip(names, base.base_names, strict=True)
-        if base_name in equations
-    }
+    sums = {base.names[base.independent[row]]: whole for row, whole in base.sums().items()}
     return (Note(Code.SUMS, term.joint, {"sums": sums}),) if sums else ()
 
 
