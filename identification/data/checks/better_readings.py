@@ -1,8 +1,9 @@
 """Finds wrong units, signs and orders of columns in a recording, with whose correction the model fits far better.
 
 A reading is the recording with one such correction. A mistake is certain if, in both halves of the recording, no
-plausible robot explains the data as recorded, and a plausible robot explains the reading. The fits are those of
-`identification.data.checks.readings.plausible_fit`.
+plausible robot explains the data as recorded, and a plausible robot explains the reading. Exchanged columns are also
+certain if a robot has to be unlike its model to explain the data as recorded, while the model itself explains the
+reading. The fits are those of `identification.data.checks.readings.plausible_fit`.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.checks.motor_positions import motor_side_suspects
+from identification.data.checks.readings.model_explains import explained_by_the_model
 from identification.data.checks.readings.plausible_fit import (
-    AS_MODELLED,
     ENOUGH,
     WITHOUT_LOAD,
     misfit_as_modelled,
@@ -28,7 +29,7 @@ from identification.data.checks.readings.reading_fits import (
     explains_nearly_all,
     fit_of,
     is_certain,
-    joint_gains_of,
+    poorly_fitted,
 )
 from identification.data.checks.readings.suspects import (
     Suspect,
@@ -76,9 +77,9 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
     for _ in range(_MOST_FAULTS):
         before = unexplained(robot, reading)
         units = [*time_suspects(robot, step), *length_suspects(robot, reading)]
-        poor = _poorly_fitted(before)
+        poor = poorly_fitted(before)
         if not poor and not any(suspect.expected for suspect in units):
-            return out or _compensated_gravity(robot, reading)
+            return out or explained_by_the_model(robot, reading)
         tried = [fit_of(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
         best = _best(robot, reading, before, tried)
         # If the data fit as recorded, no unit is wrong: the motion may really be so slow.
@@ -86,7 +87,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
         if after and (best is None or explains_nearly_all(after[-1])):
             return [*out, *after]
         if best is None:
-            return out or _compensated_gravity(robot, reading)
+            return out or explained_by_the_model(robot, reading)
         if best.suspect.parts:
             first, second = best.suspect.parts
             # Of equally good pairs with the same first mistake, the second mistakes are alternatives.
@@ -161,20 +162,6 @@ def _after_a_unit(robot: Robot, reading: Reading, step: float, likely: Sequence[
         if any(one.suspect.outcome == "wrong" for one in further):
             return [unit, *further]
     return []
-
-
-def _compensated_gravity(robot: Robot, reading: Reading) -> list[ReadingFit]:
-    """The possible mistake that a controller subtracted gravity from the torque, for data without a certain mistake.
-
-    Many robots carry a load that the model lacks. If gravity was subtracted, a robot with the model's inertias and such
-    a load explains the torque only after gravity is added. As recorded, only a robot with other inertias explains it.
-    """
-    suspects = compensated_suspects(robot, reading, loaded=True)
-    if not suspects:
-        return []
-    before = unexplained(robot, reading, AS_MODELLED)
-    found = [fit_of(robot, before, reading, one, AS_MODELLED) for one in suspects]
-    return [one for one in found if is_certain(one) and explains_nearly_all(one)]
 
 
 def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) -> ReadingFit:
@@ -291,12 +278,6 @@ def _best_in_quick_fit(
     """The ``count`` mistakes whose correction gains most in quick fits of all joints."""
     gains = [_quick_gain(robot, as_recorded, suspect.read(reading)) for suspect in suspects]
     return [suspects[k] for k in np.argsort(gains)[::-1][:count]]
-
-
-def _poorly_fitted(before: Float[Array, "2 nv"]) -> list[int]:
-    """Joints whose unexplained share is so large that a correction could make their fit far better."""
-    possible = joint_gains_of(np.log((before + ENOUGH) / ENOUGH))
-    return np.flatnonzero(np.nan_to_num(possible) >= FAR_BETTER).tolist()
 
 
 def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspect]:

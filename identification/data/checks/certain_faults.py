@@ -16,7 +16,7 @@ import numpy as np
 from identification.data.checks.better_readings import better_readings
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
-from identification.data.checks.readings.plausible_fit import ENOUGH
+from identification.data.checks.readings.plausible_fit import AS_MODELLED, ENOUGH
 from identification.data.checks.readings.reading import Reading
 from identification.data.checks.readings.reading_fits import ReadingFit, explains_nearly_all
 from identification.data.checks.readings.suspects import Suspect, highest_speed
@@ -163,9 +163,14 @@ def _fault(recording: Recording, robot: Robot, reading: Reading, found: ReadingF
     # A gain is the logarithm of (unexplained before + ENOUGH) over (unexplained after + ENOUGH).
     after, gain = np.nanmax(found.unexplained[:, j]), found.joint_gains[j]
     before = min(1.0, (after + ENOUGH) * np.exp(gain))
+    robots = (
+        "unless inertias or torque constants are far from the model's"
+        if found.freedom == AS_MODELLED
+        else "whatever load, inertias, friction and torque constant the robot has"
+    )
     why = (
-        f"as recorded {100 * before:.0f} % of the torque of {robot.joint_names[j]} is left unexplained, whatever load, "
-        f"inertias, friction and torque constant the robot has; read so, {max(100 * after, 0.1):.2g} %"
+        f"as recorded {100 * before:.0f} % of the torque of {robot.joint_names[j]} is left unexplained, {robots}; "
+        f"read so, {max(100 * after, 0.1):.2g} %"
     )
     return Fault(what, why, mend)
 

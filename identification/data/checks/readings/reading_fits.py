@@ -38,12 +38,14 @@ class ReadingFit:
         gains: Logarithm of the unexplained share as recorded over that of the reading, for each half of the recording
             and each joint, ``(2, nv)``.
         unexplained: Unexplained share of the reading, ``(2, nv)``.
+        freedom: How far the robots of both fits may be from their model.
         twins: Other mistakes that the data do not distinguish from ``suspect``.
     """
 
     suspect: Suspect
     gains: Float[Array, "2 nv"]
     unexplained: Float[Array, "2 nv"]
+    freedom: Freedom = PLAUSIBLE
     twins: tuple[Suspect, ...] = ()
 
     @property
@@ -64,6 +66,12 @@ def joint_gains_of(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
     smaller = np.nanmin(gains[:, known], axis=0)
     out[known] = np.where(smaller >= _EITHER_HALF, np.nanmean(gains[:, known], axis=0), smaller)
     return out
+
+
+def poorly_fitted(shares: Float[Array, "2 nv"]) -> list[int]:
+    """Joints whose unexplained share is so large that a correction could make their fit far better."""
+    possible = joint_gains_of(np.log((shares + ENOUGH) / ENOUGH))
+    return np.flatnonzero(np.nan_to_num(possible) >= FAR_BETTER).tolist()
 
 
 def fit_of(
@@ -92,7 +100,7 @@ def fit_of(
         # This reading adds the modelled weight to the torque, which changes the variance. The residual is still divided
         # by the variance of the measured torque.
         shares = shares * corrected.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
-    return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
+    return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares, freedom)
 
 
 def is_certain(found: ReadingFit) -> bool:
