@@ -167,3 +167,15 @@ def test_a_slow_log_with_another_unit_of_torque_is_slow(clean, planar2):
 def test_entries_of_a_second_mistake_keep_those_of_the_first(earlier, later, both):
     # Closed form: a later entry in a map replaces an earlier one of the same column.
     assert entries_after(earlier, later) == both
+
+
+def test_axes_of_a_cross_table_whose_columns_are_exchanged(clean, gantry):
+    # With other masses and torque constants a cross table explains the exchange, the given one needs none of them.
+    recording = clean(robot=gantry, noise=0.05)
+    swapped = replace(recording, q=recording.q[:, ::-1], v=None, tau=recording.tau[:, ::-1])
+    assert fault_sentences(swapped, gantry) == ["the columns of X and Y are swapped"]
+
+
+def test_wrong_torque_constants_are_no_exchange(clean, gantry):
+    recording = clean(robot=gantry, noise=0.05)
+    assert fault_sentences(replace(recording, tau=recording.tau * [0.6, 1.7]), gantry) == []
