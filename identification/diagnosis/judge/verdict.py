@@ -157,7 +157,8 @@ def unexplained(
     counts = np.maximum(sums_after.counts.sum(axis=0), 1e-12)
     predictable = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / counts) * floor
     beyond_sound = of_sound is None or bool(np.any(predictable > of_sound))
-    structured = bool(nameless) or bool(beyond_sound and ((large and significant) or most))
+    # A structure without a name that lowers no loss in the judged band is none there.
+    structured = (bool(nameless) and best < after) or bool(beyond_sound and ((large and significant) or most))
     # What changes within the tolerances explain is no gap.
     explainable = within - min(best, after)
     fraction = float(np.clip((after - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0

@@ -137,6 +137,13 @@ def test_a_structure_without_a_name_is_left_and_says_its_regime_on_its_joint(cas
     assert (there.structured, there.joint, there.regime) == (True, "shoulder", "everywhere")
 
 
+def test_a_structure_that_lowers_no_loss_in_the_judged_band_is_none(case, quiet):
+    # Known truth: with the drift in the model the elbow is left with more than without it.
+    drift = frozenset([next(term for term in quiet.columns.terms if term.effect_joint == ("drifting_offset", "elbow"))])
+    left = case.left([3.0, 3.0], [1.0, 1.0], [1.0, 1.1], whole=[1.0, 1.1], nameless=drift)
+    assert (left.structured, left.fraction_of_explainable, left.joint) == (False, 0.0, None)
+
+
 def test_what_a_flexible_model_leaves_is_what_all_effects_leave_less_what_it_foretells(case):
     # Losses by hand: given 9, left by the named 4; of the 2.5 that all leave one of 1 is not foretold.
     left = case.left([3.0, 3.0], [2.0, 2.0], [1.0, 1.0], whole=[2.0, 1.0])
