@@ -121,7 +121,7 @@ def gain_case(rng: np.random.Generator) -> Case:
     return Case(model, truth, other, (first, second), (Change("a.csv"), Change("b.csv")))
 
 
-def told_apart(found: Diagnosis, truth: str, other: str) -> bool:
+def separated(found: Diagnosis, truth: str, other: str) -> bool:
     """True if the true effect is found, and the other effect is neither found nor a rival."""
     named = {finding.effect for finding in found.findings}
     rivals = {at.effect for finding in found.findings for rival in finding.rivals for at in rival.effects}
@@ -150,7 +150,7 @@ def both(case: Case) -> tuple[bool, bool]:
     """Whether the first recording alone distinguishes the causes, and whether both recordings do."""
     alone = diagnose(case.robot, case.recordings[:1])
     together = diagnose(case.robot, case.recordings, changes=case.changes)
-    return told_apart(alone, case.truth, case.other), told_apart(together, case.truth, case.other)
+    return separated(alone, case.truth, case.other), separated(together, case.truth, case.other)
 
 
 def main() -> None:

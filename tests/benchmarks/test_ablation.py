@@ -196,7 +196,7 @@ def test_a_number_counts_by_the_runs_that_change_it_alone() -> None:
     ("name", "words"),
     [("m:NEVER", MET[0]), ("m:FAR", MET[1]), ("m:NEAR", MET[2]), ("m:LOST", MET[3]), ("m:COUNT", MET[4])],
 )
-def test_a_number_that_decides_nothing_is_told_by_how_near_it_came_and_what_was_run(name: str, words: str) -> None:
+def test_a_number_that_decides_nothing_is_reported_by_how_near_it_came_and_what_was_run(name: str, words: str) -> None:
     runs = {"follow": {**NOTHING, **FOLLOWED}, "2.0 m:NEAR m:LOST": NOTHING}
     assert met_as({"one/a": runs}, name) == words
 

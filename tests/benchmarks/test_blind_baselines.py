@@ -223,7 +223,7 @@ def test_the_torque_of_a_parameter_has_its_closed_form():
     assert torque_of(DELAY, 0.01, windows) == pytest.approx(0.0)
 
 
-def test_a_search_that_is_told_takes_the_best_shape_and_nothing_else():
+def test_a_search_that_is_given_the_truth_takes_the_best_shape_and_nothing_else():
     term = namedtuple("term", ["effect_joint", "shape"])
     terms = (term(("cogging", "j1"), 6), term(("cogging", "j1"), 12), term(("payload", None), 0))
     search = SimpleNamespace(terms=terms, score=lambda chosen: sum(abs(t.shape - 12) for t in chosen))

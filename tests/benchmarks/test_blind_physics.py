@@ -359,7 +359,7 @@ def test_ids_come_in_the_order_of_the_batches():
     assert case_ids(BATCHES) == [name for batch in BATCHES for name in case_ids([batch])]
 
 
-def test_a_seed_that_gives_no_case_is_told_and_the_others_are_drawn(tmp_path, monkeypatch, capsys):
+def test_a_seed_that_gives_no_case_is_reported_and_the_others_are_drawn(tmp_path, monkeypatch, capsys):
     # Oracle: a make whose every odd seed gives none.
     def drawn(seed: int, kind: str, cases, answers, make) -> str:
         if seed % 2:

@@ -42,7 +42,7 @@ def test_the_report_of_no_case_has_no_numbers():
     assert as_json([])["figures"]["false claims on nulls"]["gap >= 2"]["total"] == 0
 
 
-def test_a_missing_result_is_told(tmp_path):
+def test_a_missing_result_is_reported(tmp_path):
     with pytest.raises(SystemExit, match="1 cases lack a result or an answer, first c9"):
         load_pairs(tmp_path, tmp_path, ["c9"])
 

@@ -68,7 +68,7 @@ def test_one_make_has_no_worst(runs):
     assert said[-1] == ""
 
 
-def test_cases_of_development_seeds_are_told_as_such(runs):
+def test_cases_of_development_seeds_are_reported_as_such(runs):
     assert row(worst_of_makes([scored(run) for run in runs]), "cases")[2] == "2 single (development)"
 
 

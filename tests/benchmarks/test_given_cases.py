@@ -70,7 +70,7 @@ def case(tmp_path):
 
 
 def test_every_figure_counts_its_own_cases(case):
-    # By hand: a null right and one with a claim; a single named, one missed and one too small to count; a push told.
+    # By hand: a null right and one with a claim; a single named, one missed and one too small to count; and a push.
     cases = [
         case("a", said("no_gap"), floors=0.0),
         case("b", said("explained", COULOMB), floors=0.0),

@@ -91,7 +91,7 @@ def test_the_exit_code_says_whether_all_answers_are_the_same(changed, tmp_path, 
     assert main(["compare", str(one), str(other), "--only", "a"]) == 0
 
 
-def test_how_it_is_told_is_not_compared(changed):
+def test_how_it_is_reported_is_not_compared(changed):
     # A file without a ledger, of an earlier schema, with another sentence.
     said = {"schema": "gap-diagnosis/3", "data_warnings": ["late"], "ledger": [{"effects": [], "outcome": "claimed"}]}
     changed["not_testable"] = [{"effect": "backlash", "joint": "j1", "why": "one reason"}]

@@ -8,7 +8,7 @@ from benchmarks.common_causes import Case
 from benchmarks.fresh_noise import fresh_noise
 from benchmarks.gapbench.makes.field.case import draw_open
 from benchmarks.gapbench.makes.field.records import LEAD, columns
-from benchmarks.known_changes import gain_case, load_case, told_apart
+from benchmarks.known_changes import gain_case, load_case, separated
 from benchmarks.next_experiment_cases import drawn_case
 from benchmarks.next_experiment_field import fresh_recorder, log_of, reference_at_steps, task_along, world_with
 from benchmarks.next_experiment_figures import lines_of, paired_difference
@@ -55,7 +55,7 @@ def test_two_recordings_with_a_known_change_tell_causes_apart(make):
     # Known truth: the project's simulator with one cause, a softer controller or a known mass in the second recording.
     case = make(np.random.default_rng(5))
     found = diagnose(case.robot, case.recordings, changes=case.changes)
-    assert told_apart(found, case.truth, case.other)
+    assert separated(found, case.truth, case.other)
 
 
 @pytest.mark.whole

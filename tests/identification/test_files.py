@@ -134,7 +134,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
         write_atomically(tmp_path / "out" / "a.txt", "x")
 
 
-def test_a_disk_that_fails_while_writing_is_told_in_one_sentence(tmp_path):
+def test_a_disk_that_fails_while_writing_is_reported_in_one_sentence(tmp_path):
     with pytest.raises(UsageError, match=r"cannot write .*: no space left on device"), temporary_beside(tmp_path / "a"):
         raise OSError(28, os.strerror(28))
 

@@ -239,7 +239,7 @@ def test_a_cell_of_many_findings_gives_the_size_of_a_delay_of_the_whole_robot():
     assert "an input delay: whole robot (delay 0.0325 s)." in said({**EXPLAINED, "findings": many})
 
 
-def test_a_rest_is_not_told_where_the_gap_is_explained():
+def test_a_rest_is_not_reported_where_the_gap_is_explained():
     from real_words import said
 
     rest = {"fraction_of_explainable": 0.01, "structured": True, "where": {"joint": "j1", "regime": "everywhere"}}

@@ -212,7 +212,7 @@ def test_fewer_than_one_process_are_refused(jobs):
         list(spread(square, [(1,)], jobs=jobs))
 
 
-def test_the_number_of_workers_is_what_joblib_was_told():
+def test_the_number_of_workers_is_what_joblib_was_given():
     with parallel_config(n_jobs=3):
         assert (worker_count(None), worker_count(5), worker_count(1)) == (3, 5, 1)
 

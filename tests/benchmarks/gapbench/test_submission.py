@@ -122,7 +122,7 @@ def test_not_a_number_is_no_number(tmp_path):
         read_answer(path)
 
 
-def test_a_file_that_is_no_json_is_told(tmp_path):
+def test_a_file_that_is_no_json_is_reported(tmp_path):
     path = tmp_path / "c1.json"
     path.write_text("{verdict: no_gap}")
     with pytest.raises(AnswerError, match=r"c1\.json is no JSON .*: write one object for each case\."):

@@ -219,7 +219,7 @@ def test_a_table_that_is_no_reference_is_refused(log):
         dyn.simulate(PENDULUM, log)
 
 
-def test_progress_of_every_function_is_told_in_words(log):
+def test_progress_of_every_function_is_reported_in_words(log):
     # Oracle: the words of the first stage of each, by hand.
     sentence: list[list[str]] = [[], [], []]
     dyn.diagnose(PENDULUM, log, progress=sentence[0].append)

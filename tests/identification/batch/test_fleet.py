@@ -85,7 +85,7 @@ def test_a_step_is_found_at_its_recording(six, rng):
     assert found[0].after - found[0].before == pytest.approx(0.12, abs=0.04)
 
 
-def test_a_drift_is_told_from_its_beginning(rng):
+def test_a_drift_is_reported_from_its_beginning(rng):
     sizes = [0.5 + 0.02 * max(0, day - 4) + 0.002 * rng.standard_normal() for day in range(12)]
     (found,) = changes(series_of(fleet(*(recording("r", day, size) for day, size in enumerate(sizes)))))
     assert (found.drifts, found.since) == (True, "day04.csv")

@@ -48,7 +48,7 @@ def test_warnings_are_printed_and_the_job_is_done(log, capsys):
     assert "warning: log.csv: column load not used" in capsys.readouterr().out
 
 
-def test_a_joint_that_the_map_misspells_is_told_before_what_the_log_lacks(log, tmp_path, capsys):
+def test_a_joint_that_the_map_misspells_is_reported_before_what_the_log_lacks(log, tmp_path, capsys):
     (tmp_path / "map.yaml").write_text("q.tild: q.tilt\n")
     log.write_text(log.read_text().replace("t,", "time,", 1))
     assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 2
@@ -58,7 +58,7 @@ def test_a_joint_that_the_map_misspells_is_told_before_what_the_log_lacks(log, t
     )
 
 
-def test_what_a_log_lacks_is_told_beside_its_own_columns_and_not_those_of_the_map(log, tmp_path, capsys):
+def test_what_a_log_lacks_is_reported_beside_its_own_columns_and_not_those_of_the_map(log, tmp_path, capsys):
     (tmp_path / "map.yaml").write_text("tau.tilt: load\n")
     log.write_text(log.read_text().replace("tau.tilt", "load").replace("t,", "time,", 1))
     assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 2
@@ -84,7 +84,7 @@ def test_columns_are_mapped(log, tmp_path, capsys):
         (["{folder}/lag.csv"], "lag.csv does not exist; did you mean log.csv?\n"),
     ],
 )
-def test_what_is_missing_is_told_in_one_sentence(log, capsys, words, said):
+def test_what_is_missing_is_reported_in_one_sentence(log, capsys, words, said):
     assert main(["check", *(word.format(log=log, folder=log.parent) for word in words)]) == 2
     error = capsys.readouterr().err
     assert error.startswith("phantom-dyn: ")
@@ -113,7 +113,7 @@ def test_the_robot_stands_in_front_of_the_recordings(log, tmp_path, capsys):
     assert "second.csv: 2000 samples" in said
 
 
-def test_what_is_certainly_wrong_is_told_and_the_job_is_done(log, tmp_path, capsys):
+def test_what_is_certainly_wrong_is_reported_and_the_job_is_done(log, tmp_path, capsys):
     (tmp_path / "map.yaml").write_text("tau.tilt: {from: tau.tilt, sign: -1}\n")
     assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 0
     said = capsys.readouterr().out

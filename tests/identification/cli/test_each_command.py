@@ -130,7 +130,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_no_half_of_a_file(line, command,
 
 @pytest.mark.whole
 @pytest.mark.nightly
-def test_a_disk_that_fills_while_netcdf_is_written_is_told_too(command):
+def test_a_disk_that_fills_while_netcdf_is_written_is_reported_too(command):
     # NetCDF's own error says nothing of a disk, and its file is the larger one.
     line = "map phantom_1_5 --quantity manipulability --grid x=0:0.02:2,y=0:0.02:2,z=0:0.02:2 --out"
     assert command(f"{line} whole").returncode == 0  # compiled loops are kept from now on
@@ -191,7 +191,7 @@ def test_an_error_of_ours_ends_with_its_traceback_and_code_1():
     assert (ended.returncode, ended.stderr.splitlines()[0]) == (1, "Traceback (most recent call last):")
 
 
-def test_a_stream_that_takes_no_more_is_told():
+def test_a_stream_that_takes_no_more_is_reported():
     code = f"{START}\nimport sys\nsys.argv = ['phantom-dyn', '--version']\nstarted()\nprint('more')"
     with Path("/dev/full").open("w") as full:
         words = [sys.executable, "-c", code]

@@ -171,7 +171,7 @@ def test_a_file_where_the_folder_should_be_is_refused(tmp_path, capsys):
     assert out.read_text() == "mine"
 
 
-def test_without_the_library_for_netcdf_the_map_is_written_and_the_command_to_install_is_told(
+def test_without_the_library_for_netcdf_the_map_is_written_and_the_command_to_install_is_reported(
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setattr(log_and_map_files, "is_installed", lambda _: False)

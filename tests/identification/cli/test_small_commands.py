@@ -48,7 +48,7 @@ def test_a_missing_extra_is_named_with_the_command_that_installs_it(monkeypatch,
     assert "Nothing that every use needs is missing." in said
 
 
-def test_a_missing_library_of_the_base_is_told_at_the_end(monkeypatch, capsys):
+def test_a_missing_library_of_the_base_is_reported_at_the_end(monkeypatch, capsys):
     monkeypatch.setattr(doctor_command, "version_of", lambda name: None if name == "numpy" else "1.0")
     main(["doctor"])
     assert (
@@ -114,7 +114,7 @@ def refused(capsys):
     return refuse
 
 
-def test_without_viser_the_command_to_install_it_is_told(refused, monkeypatch, pendulum, log):
+def test_without_viser_the_command_to_install_it_is_reported(refused, monkeypatch, pendulum, log):
     monkeypatch.setattr(view_command, "is_installed", lambda _: False)
     wanted = "A replay in the browser needs viser, which is not installed: pip install 'phantom-dyn[view]'."
     assert wanted in refused(pendulum, log)

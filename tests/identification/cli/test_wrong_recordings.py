@@ -67,7 +67,7 @@ def test_a_flipped_torque_is_refused_with_the_entry_that_mends_it(command, arm, 
 def test_an_entry_that_mends_takes_the_columns_of_the_file_where_a_map_renamed_them(
     tmp_path, made_columns, written, capsys
 ):
-    # Known truth: the torques are in mNm, which the first map does not say; the second is the first with what was told.
+    # Known truth: the torques are in mNm, which the first map does not say; the second map is that of the refusal.
     columns = made_columns(ROBOTS / "planar2.urdf", seconds=8.0)
     names = {"q.shoulder": "angle 1", "q.elbow": "angle 2", "tau.shoulder": "load [1]", "tau.elbow": "load [2]"}
     factors = {"tau.shoulder": 1e3, "tau.elbow": 1e3}

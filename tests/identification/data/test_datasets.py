@@ -118,7 +118,7 @@ def test_a_file_with_another_hash_is_refused_and_not_kept(server, register, tmp_
     assert not list((tmp_path / "cache" / "demo").iterdir())
 
 
-def test_a_missing_page_is_told_with_the_servers_answer(server, register):
+def test_a_missing_page_is_reported_with_the_servers_answer(server, register):
     register(f"{server}/gone.csv")
     with pytest.raises(LogError, match=r"could not fetch a\.csv of demo \(the server answered 404\)"):
         datasets.fetch("demo")

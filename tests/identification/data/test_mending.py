@@ -75,7 +75,7 @@ def test_positions_in_degrees_have_no_turns_put_together(swinging):
 
 @pytest.mark.parametrize("samples", [1, 3, 5])
 @pytest.mark.parametrize("quantity", ["q", "tau"])
-def test_a_spike_is_cut_out_and_told_with_its_time(swinging, quantity, samples):
+def test_a_spike_is_cut_out_and_reported_with_its_time(swinging, quantity, samples):
     broken = getattr(swinging, quantity).copy()
     broken[1000 : 1000 + samples] += 1.5
     found = mended(replace(swinging, **{quantity: broken}), TURNING)

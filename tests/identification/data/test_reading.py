@@ -347,7 +347,7 @@ def test_a_time_has_six_digits(time, text):
 
 
 @pytest.mark.parametrize("time", [1.7e9, 1.7e9 + 0.123, 1732589710.5])
-def test_a_time_since_1970_is_told_to_the_millisecond(time):
+def test_a_time_since_1970_is_reported_to_the_millisecond(time):
     assert float(time_text(time)) == pytest.approx(time, abs=1e-3)
     assert "e" not in time_text(time)
 

@@ -86,7 +86,7 @@ def test_dry_friction_of_a_passive_joint_is_found_on_that_joint(name, joint):
 
 @pytest.mark.whole
 @pytest.mark.parametrize("name", by_night(LAST, 0))
-def test_a_load_that_hides_behind_the_tolerances_is_told_with_a_mass_that_holds_it(name, lab):
+def test_a_load_that_hides_behind_the_tolerances_is_reported_with_a_mass_that_holds_it(name, lab):
     # Known truth: 60 g, which two tolerances of 5 % on three or four links can take up.
     robot = load_robot(ROBOTS / f"{name}.xml")
     motion = lab.motion(robot.nv, 3, seconds=20.0)

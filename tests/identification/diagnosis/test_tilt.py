@@ -53,7 +53,7 @@ def test_a_turn_about_gravity_is_no_gap_and_nothing_is_claimed(phantom, lab):
 
 
 @pytest.mark.whole
-def test_a_tilt_about_the_axis_of_a_first_joint_is_told_with_the_offset_of_its_encoder(lab):
+def test_a_tilt_about_the_axis_of_a_first_joint_is_reported_with_the_offset_of_its_encoder(lab):
     # Closed form: the first joint of the CEA branch turns about z, across gravity; its zero and the base turn alike.
     first = of_turned(load_robot("cea_branch"), (0.0, 0.0, 0.1), lab).findings[0]
     said = {(first.effect, first.joint)} | {(one.effect, one.joint) for rival in first.rivals for one in rival.effects}

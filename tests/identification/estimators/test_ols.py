@@ -72,7 +72,7 @@ def test_several_logs_are_fitted_together(arm, swing, make_log, rubbing, frictio
     np.testing.assert_allclose(ols(torque_regressor(arm, parts, friction(arm))).theta, whole.theta, atol=1e-8)
 
 
-def test_an_effect_that_cannot_be_told_from_a_link_is_named(pendulum, swing, make_log, rubbing):
+def test_an_effect_that_cannot_be_distinguished_from_a_link_is_named(pendulum, swing, make_log, rubbing):
     motion = swing(pendulum, 200)
     fit = ols(
         torque_regressor(

@@ -139,7 +139,7 @@ def test_friction_of_passive_joints_is_taken_off_the_torque():
     assert max(each) <= taken < 3 * max(each)
 
 
-def test_postures_out_of_reach_are_told_from_those_in_reach():
+def test_postures_out_of_reach_are_distinguished_from_those_in_reach():
     # Closed form: with both arms pointing outwards the elbows are 0.54 m apart, with 0.6 m of forearms between them.
     robot = load_robot(ROBOTS / "fivebar.xml")
     q = np.array([[0.3, -0.2], [-np.pi / 2, np.pi / 2], [np.pi / 2, -np.pi / 2]])

@@ -42,7 +42,7 @@ def test_simulated_tests_give_the_ratio_back_and_say_that_friction_is_proportion
     assert deviation < 0.01 * value
 
 
-def test_friction_of_bearings_is_told_from_that_of_the_cable(rng):
+def test_friction_of_bearings_is_distinguished_from_that_of_the_cable(rng):
     coulomb, std = np.transpose([measured(rng, P, rest=0.05) for P in PULLED])
     found = fit_pretension(PULLED, coulomb, std)
     assert not found.proportional

@@ -111,7 +111,7 @@ def test_two_sides_of_a_parallelogram_that_are_the_same_are_one_of():
     }
 
 
-def test_of_two_places_that_fit_alike_both_are_told_and_none_as_too_small():
+def test_of_two_places_that_fit_alike_both_are_reported_and_none_as_too_small():
     # In these twenty poses another place fits better by less than a tenth of a square, in nearly all draws of blocks.
     result = judged("cea", tracked("cea", 100_008, moves=[("q8", (0.0026535557, 0, 0))], poses=20, root_poses=None))
     assert ("link_geometry", "pin3", "x") in numbers_found(result)
@@ -125,7 +125,7 @@ def test_of_two_places_that_fit_alike_both_are_told_and_none_as_too_small():
     assert {silent[one] for one in alike} == {"these poses do not separate it from what was found"}
 
 
-def test_what_a_loop_takes_up_is_told_as_not_testable():
+def test_what_a_loop_takes_up_is_reported_as_not_testable():
     result = judged("fourbar", tracked("fourbar", 222))
     why = {(one.joint, one.parameter): one.why for one in result.not_testable}
     assert why["rocker_pin", "x"] == "passive joints of its loop take it up, so that it moves no measured frame"
@@ -142,7 +142,7 @@ def test_a_frame_on_a_passive_link_and_one_on_the_other_side_are_judged_together
     assert ("link_geometry", "right_pin", "z") in numbers_found(result)
 
 
-def test_a_motion_that_is_stamped_late_is_told_and_its_length_found():
+def test_a_motion_that_is_stamped_late_is_reported_and_its_length_found():
     t = np.arange(0, 13, 0.05)
     q = np.column_stack([0.4 * np.sin(0.4 * t), 0.4 * np.cos(0.7 * t)])
     late = 0.05
@@ -224,7 +224,7 @@ def _diagnosed(recording: Recording, folder: Path, name: str, *more: str) -> Pat
     return out
 
 
-def test_loops_that_would_not_close_are_left_out_of_the_urdf_and_told(tmp_path, capsys):
+def test_loops_that_would_not_close_are_left_out_of_the_urdf_and_reported(tmp_path, capsys):
     # A tilt across the plane, which a solver of closed loops refuses.
     text = moved_joint(LINKAGES["fourbar"].text, "coupler", (0, 0, 0), (0.004, 0, 0))
     linkage = replace(LINKAGES["fourbar"], frame="coupler_pin")

@@ -107,7 +107,7 @@ def test_a_robot_that_is_right_is_not_blamed(ur10, tracked, seed):
     assert (result.verdict, result.findings, result.minor) == ("no_gap", (), ())
 
 
-def test_poses_that_are_stamped_late_are_told_and_taken_out(ur10, tracked, slow_motion):
+def test_poses_that_are_stamped_late_are_reported_and_taken_out(ur10, tracked, slow_motion):
     t, q = slow_motion
     result = diagnose_poses(ur10, (tracked(19, q=q, t=t, late=0.03, zeros={"elbow_joint": 0.002}),))
     assert result is not None
@@ -130,7 +130,7 @@ def test_a_tracker_that_was_moved_between_recordings_is_no_finding(ur10, tracked
     assert [one.file for one in result.fitted if one.what == "base"] == ["21.csv", "22.csv"]
 
 
-def test_a_few_poses_that_stray_are_left_out_and_told(ur10, tracked):
+def test_a_few_poses_that_stray_are_left_out_and_reported(ur10, tracked):
     recording = tracked(23, zeros={"elbow_joint": 0.002})
     p = recording.positions["tool0"].copy()
     p[7] += 0.05

@@ -242,7 +242,7 @@ def test_the_zero_is_found_in_poses_beside_what_torques_show(found):
     assert _zeros(all_findings(found)[len(found.findings) :]) == [pytest.approx(OFFSET, abs=2e-4)]
 
 
-def test_a_zero_that_both_show_is_told_to_be_the_same(found):
+def test_a_zero_that_both_show_is_said_to_be_the_same(found):
     assert _zeros(found.findings) == [pytest.approx(OFFSET, rel=0.1)]
     assert found.geometry is not None
     (sentence,) = sentences(found.geometry.notes)

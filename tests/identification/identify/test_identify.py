@@ -46,7 +46,7 @@ def test_base_parameters_of_the_links_come_back(found, arm, truth, recorded):
         assert parameter.value == pytest.approx(wanted[parameter.name], abs=size), parameter.name
 
 
-def test_offsets_that_are_not_there_are_not_told_from_zero(found):
+def test_offsets_that_are_not_there_are_not_distinguished_from_zero(found):
     offsets = [p for p in found.others if p.effect == "torque_offset"]
     assert len(offsets) == 3
     assert sum(not p.identified for p in offsets) >= 2  # one in twenty is, by chance

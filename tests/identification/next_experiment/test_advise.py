@@ -56,7 +56,7 @@ def test_rivals_that_differ_over_speed_get_a_motion_that_parts_them(friction):
     assert set(experiment) == {"separates", "reference", "expected_power", "say"}
     assert experiment["separates"] == [["coulomb_friction", "pin"], ["viscous_friction", "pin"]]
     assert experiment["reference"] == "next.csv"
-    # Coulomb friction, of probability 0.7, is told for sure if it is what acts.
+    # Coulomb friction, of probability 0.7, is named for sure if it is what acts.
     assert experiment["expected_power"] > 0.65
 
 
@@ -120,7 +120,7 @@ def test_a_fit_that_has_fewer_tolerance_parameters_than_it_could_is_a_model_with
 
 
 def test_a_finding_that_leads_in_the_place_of_what_was_found_gets_a_motion_too(lab, pendulum):
-    # The search has found viscous friction; Coulomb friction was told in its place, with viscous friction as a rival.
+    # The search has found viscous friction; Coulomb friction was named in its place, with viscous friction as a rival.
     robot, motion = pendulum, lab.motion(1, swing=0.3)
     torque = lab.acting(robot, motion, "coulomb_friction", "pin", 0.2)
     ready = lab.prepared(robot, (lab.recording(robot, motion, torque),))
@@ -176,7 +176,7 @@ def test_softer_gains_are_asked_for_in_the_sentence():
     )
 
 
-def test_of_many_pairs_one_is_told_and_the_others_counted():
+def test_of_many_pairs_one_is_reported_and_the_others_counted():
     def cause(effect: str, joint: str) -> Hypothesis:
         return Hypothesis((EffectAt(effect, joint),), 0.5, ())
 

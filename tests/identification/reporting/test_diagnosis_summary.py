@@ -31,13 +31,13 @@ def test_a_joint_without_a_sample_that_is_judged_has_no_figures(made_up):
     assert "axis not judged not judged not judged not judged N m" in rows
 
 
-def test_warnings_and_the_next_experiment_are_told(made_up):
+def test_warnings_and_the_next_experiment_are_reported(made_up):
     text = summary(dataclasses.replace(made_up(), next_experiment={"say": "Move joint j1 slowly."}))
     assert "Next experiment: Move joint j1 slowly." in text
     assert "Warning: first.csv: 12 repeated rows were dropped" in text
 
 
-def test_notes_are_told(made_up):
+def test_notes_are_reported(made_up):
     text = summary(dataclasses.replace(made_up(), notes=("Simulated motion is compared over 0.1 s.",)))
     assert "  Note: Simulated motion is compared over 0.1 s." in text
 
@@ -185,7 +185,7 @@ def test_many_sizes_that_do_not_differ_from_nothing_are_counted(made_up):
     )
 
 
-def test_the_files_of_a_folder_are_told_together_and_any_other_alone():
+def test_the_files_of_a_folder_are_reported_together_and_any_other_alone():
     out = Path("report")
     lines = written_lines([out / "diagnosis.json", out / "report.html", Path("d.json")], out)
     assert lines == ["wrote report: diagnosis.json, report.html", "wrote d.json"]

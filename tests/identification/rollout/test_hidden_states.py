@@ -205,7 +205,7 @@ def test_each_recording_is_simulated_under_its_own_controller(two_loads):
 
 
 @pytest.mark.whole
-def test_one_recording_is_not_told_apart(pendulum, record):
+def test_one_recording_is_not_separated(pendulum, record):
     rollout = record(pendulum, RUBS).rollout(RUBS)
     assert "recordings" not in rollout.json
 

@@ -141,7 +141,7 @@ def window(file: str, t: float, read: float, given: float, corrected: float) -> 
     return Simulated(file, times, *(np.linspace(0.0, end, 5)[:, None] for end in (read, given, corrected)))
 
 
-def test_limits_that_only_the_simulation_passes_are_told_with_joint_and_time(pendulum):
+def test_limits_that_only_the_simulation_passes_are_reported_with_joint_and_time(pendulum):
     # Up to 3.5 rad in four equal steps of a hundredth of a second: past 3 rad after the last.
     passed, recorded = window("a.csv", 1.0, 2.98, 2.98, 3.5), window("a.csv", 2.0, 3.5, 3.5, 3.5)
     windows = (passed, recorded, window("b.csv", 4.0, 1, 1, 1))
@@ -169,7 +169,7 @@ def test_a_limit_that_the_recording_does_not_come_up_to_is_no_stop(pendulum, rea
     assert bool(limits_engaged(pendulum, (window("a.csv", 0.0, read, 9.0, 2.0),))) is near
 
 
-def test_a_recording_past_the_limits_of_its_model_is_told(pendulum, record):
+def test_a_recording_past_the_limits_of_its_model_is_reported(pendulum, record):
     made = record(pendulum)
     q = np.array(made.log.raw_q)
     q[500:510, 0] = 3.1
@@ -254,7 +254,7 @@ def test_where_a_joint_stands_the_noise_of_other_times_stands_in():
     np.testing.assert_array_equal(_without_gaps(np.ones(3), np.zeros(3, dtype=bool)), np.zeros(3))
 
 
-def test_limits_of_several_joints_are_told_in_one_sentence(planar2):
+def test_limits_of_several_joints_are_reported_in_one_sentence(planar2):
     past = [
         EngagedLimit("corrected", joint, "a.csv", 1.0, limit, windows, 20)
         for joint, limit, windows in (("shoulder", 2.0, 4), ("elbow", -1.5, 16))

@@ -178,7 +178,7 @@ def test_viscous_friction_without_gains_is_no_finding(pendulum):
     assert diagnosis.findings == ()
 
 
-def test_what_is_true_of_all_recordings_is_told_once(pendulum, swung):
+def test_what_is_true_of_all_recordings_is_reported_once(pendulum, swung):
     stated = replace(pendulum, actuators=(Actuator(controller=Controller("pd", 60.0, 6.0)),))
     other = replace(swung, file="other.csv")
     _, (first, second) = driven_by_controllers(stated, (swung, other))

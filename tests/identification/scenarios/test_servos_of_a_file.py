@@ -68,7 +68,7 @@ def test_the_torque_of_a_servo_is_that_of_mujoco(moved, actuators):
     assert np.abs(differences[10:-1]).max() < 0.05 * np.ptp(torque)
 
 
-def test_the_filter_is_told_with_the_gains(moved):
+def test_the_filter_is_reported_with_the_gains(moved):
     robot, recording, _ = moved(FILTERED)
     robot, recordings, _ = torque_or_motion(robot, lambda needed: (recording,), motion_only=True)
     _, (driven,) = driven_by_controllers(robot, recordings)

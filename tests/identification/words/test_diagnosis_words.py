@@ -164,7 +164,7 @@ def test_the_verdict_names_findings_of_one_kind_together_in_the_robots_order(mad
     )
 
 
-def test_nothing_is_told_as_more_than_all_of_the_gap():
+def test_nothing_is_reported_as_more_than_all_of_the_gap():
     assert words.share_words(1.01, (0.99, 1.05)).replace(NO_BREAK, " ") == "over 99 % (at least 99 %)"
     assert words.share_words(1.0, (0.999, 1.05)).replace(NO_BREAK, " ") == "over 99 %"
     assert words.share_words(0.97, (0.9, 1.2)).replace(NO_BREAK, " ") == "97 % (90 to over 99 %)"
@@ -297,7 +297,7 @@ def test_an_interval_that_says_no_more_than_the_share_is_left_out(made_up):
     assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "over 99 %"
 
 
-def test_the_share_is_told_where_it_is_known(made_up):
+def test_the_share_is_reported_where_it_is_known(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=0.71)
     assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "71 %"
 

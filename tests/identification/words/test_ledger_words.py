@@ -140,7 +140,7 @@ def test_no_gate_states_more_than_all_of_the_gap():
     assert line.replace(NO_BREAK, " ") == "passed  large enough: over 99 %, needed 1 % (of the gap)"
 
 
-def test_claims_of_single_recordings_are_told_one_by_one(diagnosis):
+def test_claims_of_single_recordings_are_reported_one_by_one(diagnosis):
     few = GateResult("more than chance", 3.5, 20.0, "gain", False)
     own = tuple(Claim((EffectAt("payload", None, file),), (few,), "not_claimed") for file in ("a.csv", "b.csv"))
     assert [answer.name for answer in why(replace(diagnosis, ledger=own), "payload")] == [

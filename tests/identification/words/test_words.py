@@ -96,7 +96,7 @@ def test_a_size_has_three_digits_and_its_unit(made_up):
     assert size_words(made_up().findings[0]) == "of 0.251 N m"
 
 
-def test_a_list_is_told_entry_by_entry(made_up):
+def test_a_list_is_reported_entry_by_entry(made_up):
     assert size_words(made_up(findings=3).findings[2]) == "of 0.02 and 0.004 N m, 6 and 12 times a turn"
 
 
@@ -110,7 +110,7 @@ def test_an_angle_is_shown_in_degrees_too():
     assert shown == "0.01745 ± 0.00010 rad (1°)"
 
 
-def test_a_body_parameter_is_told_by_its_quantity():
+def test_a_body_parameter_is_reported_by_its_quantity():
     assert (
         meaning_of(EffectAt("inertial_parameters", None), "wrist.link.mx")
         == "mass times the place of its centre along x"

@@ -47,7 +47,7 @@ def test_drives_and_friction_are_those_of_the_active_joints(load):
     assert (robot.chain.viscous_friction.tolist(), robot.chain.coulomb_friction.tolist()) == ([0, 0.03], [0, 0.05])
 
 
-def test_a_drive_on_a_passive_joint_is_told(load):
+def test_a_drive_on_a_passive_joint_is_reported(load):
     robot = load("parallelogram.urdf", "joints: {rocker: {gear_ratio: 3}}\n" + linear("coupler: -crank, rocker: crank"))
     assert "Of the drives of rocker only the rotors count, as these joints are passive." in robot.warnings
 

@@ -203,13 +203,13 @@ def without_inertial(tmp_path):
     return tmp_path / "arm.urdf"
 
 
-def test_a_joint_that_moves_nothing_with_inertia_is_told(tmp_path):
+def test_a_joint_that_moves_nothing_with_inertia_is_reported(tmp_path):
     (said,) = load_robot(without_inertial(tmp_path)).warnings
     assert "nothing that elbow moves has mass or inertia" in said
     assert said.endswith("give lower its <inertial>.")
 
 
-def test_a_link_without_inertial_is_told_where_a_rotor_turns_it(tmp_path):
+def test_a_link_without_inertial_is_reported_where_a_rotor_turns_it(tmp_path):
     path = without_inertial(tmp_path)
     (tmp_path / "robot.yaml").write_text("joints: {elbow: {rotor_inertia: 0.1}}")
     (said,) = load_robot(path).warnings
@@ -217,7 +217,7 @@ def test_a_link_without_inertial_is_told_where_a_rotor_turns_it(tmp_path):
     assert "write mass and inertia into <inertial>" in said
 
 
-def test_a_moving_link_of_zero_mass_is_told(tmp_path):
+def test_a_moving_link_of_zero_mass_is_reported(tmp_path):
     text = (ROBOTS / "planar2.urdf").read_text()
     head, _, tail = text.rpartition("<mass value=")
     (tmp_path / "arm.urdf").write_text(f'{head}<mass value="0"/>{tail.partition("/>")[2]}')
@@ -249,7 +249,7 @@ def test_a_body_that_never_moves_may_be_impossible(edited):
     assert "it never moves, so that nothing depends on it" in robot.warnings[0]
 
 
-def test_a_tiny_impossible_link_in_a_body_that_moves_is_told_and_used(edited, rng):
+def test_a_tiny_impossible_link_in_a_body_that_moves_is_reported_and_used(edited, rng):
     plate = ('<link name="base"/>', '<link name="base"/>' + PLATE.format("rail"))
     robot, without = edited(ARM, plate), load_robot(ARM)
     assert "link plate cannot exist, its smallest principal inertia is -4e-08 kg m^2" in robot.warnings[0]
@@ -271,7 +271,7 @@ def test_a_tiny_impossible_link_with_a_joint_of_its_own_is_refused(edited):
         edited(ARM, ('<link name="base"/>', '<link name="base"/>' + plate))
 
 
-def test_an_inertia_that_reaches_far_out_of_the_robot_is_told(edited):
+def test_an_inertia_that_reaches_far_out_of_the_robot_is_reported(edited):
     robot = edited(ARM, ('ixx="0.004"', 'ixx="9"'), ('iyy="0.005"', 'iyy="9"'), ('izz="0.003"', 'izz="9"'))
     assert "the inertia of link rail (0.7 kg, 9 kg m^2) is that of the same mass at 3.6 m or more" in robot.warnings[0]
 

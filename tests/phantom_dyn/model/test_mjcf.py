@@ -363,7 +363,7 @@ def test_nothing_is_written_into_the_working_folder(tmp_path, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == ["robot.xml"]
 
 
-def test_a_spring_of_a_tendon_is_told_to_be_left_out(tmp_path):
+def test_a_spring_of_a_tendon_is_said_to_be_left_out(tmp_path):
     tendon = '<tendon><fixed stiffness="3"><joint joint="elbow" coef="1"/></fixed></tendon>'
     (tmp_path / "robot.xml").write_text(arm(LOWER.format(LINK), rest=tendon))
     assert (

@@ -54,7 +54,7 @@ def test_the_forward_weights_give_the_divergent_component_at_the_end_and_sum_to_
     assert grow + first + last == pytest.approx(1.0, abs=1e-12)
 
 
-def test_phases_entered_as_told_end_at_rest_over_the_last_point(rng):
+def test_phases_entered_as_stated_end_at_rest_over_the_last_point(rng):
     points, profiles = rng.normal(size=(4, 2)), (PROFILE, Profile(0.1, 0.5), Profile(0.3, 0.3), Profile(0.2, 0.9))
     alpha, beta = entry(points, profiles, OMEGA)
     xi, before = alpha * START + beta, START

@@ -24,7 +24,7 @@ from identification.stages import Announcement, Stage
         ("phantom-dyn excite --shapes ", {"fourier", "splines", "triangles"}),
     ],
 )
-def test_a_shell_is_told_what_may_come_next(line, wanted, tmp_path):
+def test_a_shell_is_given_what_may_come_next(line, wanted, tmp_path):
     pytest.importorskip("argcomplete", reason="argcomplete comes with make setup")
     answer = tmp_path / "answer"
     environment = os.environ | {

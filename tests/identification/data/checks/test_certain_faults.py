@@ -94,13 +94,13 @@ def smooth_motion(recording: Recording) -> Motion:
         6,
     ),
 )
-def test_a_wrong_unit_or_sign_is_told_with_its_entry(arm, changed, name, factor, what, mend, recording):
+def test_a_wrong_unit_or_sign_is_reported_with_its_entry(arm, changed, name, factor, what, mend, recording):
     fault = only(checked(changed(recording, **{name: getattr(recording, name) * factor}), arm).wrong)
     assert fault.what == what
     assert mend in fault.mend
 
 
-def test_a_slow_motion_in_ms_is_told_although_it_shows_no_inertia(clean, arm, changed):
+def test_a_slow_motion_in_ms_is_reported_although_it_shows_no_inertia(clean, arm, changed):
     # Ten times slower, inertia is a hundredth of what it was; friction and weight fit in either unit.
     recording = slow(clean, arm, 10.0)
     fault = only(checked(changed(recording, t=recording.t * 1e3), arm).wrong)
@@ -120,7 +120,7 @@ def test_a_motion_that_is_really_so_slow_is_right(clean, arm):
     assert checked(slow(clean, arm, 400.0), arm).wrong == ()
 
 
-def test_two_flipped_torques_are_both_told(arm, changed, recording):
+def test_two_flipped_torques_are_both_reported(arm, changed, recording):
     wrong = checked(changed(recording, tau=recording.tau * [1, -1, -1]), arm).wrong
     assert {fault.what for fault in wrong} == {
         "the torque of tilt has the wrong sign",

@@ -72,12 +72,12 @@ def test_the_real_ur10_recording_gives_no_warning(data_folder):
     assert found.warnings == ()
 
 
-def test_jitter_is_told_with_its_share(arm, changed, rng, recording):
+def test_jitter_is_reported_with_its_share(arm, changed, rng, recording):
     t = recording.t + rng.uniform(-0.0004, 0.0004, len(recording.t))
     assert "sampling is irregular" in check_recording(changed(recording, t=t), arm)[0]
 
 
-def test_a_gap_is_told_with_its_place_and_length(arm, recording):
+def test_a_gap_is_reported_with_its_place_and_length(arm, recording):
     kept = (recording.t < 5.0) | (recording.t > 5.1)
     cut = replace(
         recording, t=recording.t[kept], q=recording.q[kept], tau=recording.tau[kept], v=recording.v[kept]
@@ -87,7 +87,7 @@ def test_a_gap_is_told_with_its_place_and_length(arm, recording):
     assert "0.104 s at t = 4.998 s" in sentence
 
 
-def test_an_excluded_gap_is_not_told(arm, recording):
+def test_an_excluded_gap_is_not_reported(arm, recording):
     kept = (recording.t < 5.0) | (recording.t > 5.1)
     cut = Recording(
         "cut.csv", arm.joint_names, recording.t[kept], recording.q[kept], recording.tau[kept],
@@ -134,7 +134,7 @@ def test_a_slow_joint_that_sticks_now_and_then_is_not_frozen():
     assert not [w for w in check_recording(recording, None) if "repeats" in w]
 
 
-def test_a_stalled_encoder_is_told_with_its_place(arm, changed, recording):
+def test_a_stalled_encoder_is_reported_with_its_place(arm, changed, recording):
     q = recording.q.copy()
     k = 2000 + int(np.argmax(np.abs(recording.v[2000:3000, 0])))
     q[k : k + 9, 0] = q[k, 0]
@@ -151,29 +151,29 @@ def test_a_joint_that_sticks_is_not_frozen(arm, changed, recording):
     )
 
 
-def test_degrees_are_told_without_a_robot(changed, recording):
+def test_degrees_are_reported_without_a_robot(changed, recording):
     assert any("look like degrees" in w for w in check_recording(changed(recording, q=np.rad2deg(recording.q)), None))
 
 
-def test_velocity_in_degrees_is_told(arm, changed, recording):
+def test_velocity_in_degrees_is_reported(arm, changed, recording):
     sentence = only(
         check_recording(changed(recording, v=np.rad2deg(recording.v) * [1, 0, 0] + recording.v * [0, 1, 1]), arm)
     )
     assert "measured velocity of turn is 57.3 times the derivative of its position: the units differ" in sentence
 
 
-def test_velocity_with_the_wrong_sign_is_told(arm, changed, recording):
+def test_velocity_with_the_wrong_sign_is_reported(arm, changed, recording):
     sentence = only(check_recording(changed(recording, v=recording.v * [1, -1, 1]), arm))
     assert "measured velocity of tilt has the opposite sign" in sentence
 
 
-def test_velocity_of_another_joint_is_told(arm, changed, recording):
+def test_velocity_of_another_joint_is_reported(arm, changed, recording):
     warnings = check_recording(changed(recording, v=recording.v[:, [1, 0, 2]]), arm)
     assert ["turn" in w or "tilt" in w for w in warnings] == [True, True]
     assert all("does not follow the derivative" in w for w in warnings)
 
 
-def test_swapped_columns_of_two_joints_are_told(arm, changed, recording):
+def test_swapped_columns_of_two_joints_are_reported(arm, changed, recording):
     order = [1, 0, 2]
     swapped = changed(recording, q=recording.q[:, order], v=recording.v[:, order], tau=recording.tau[:, order])
     assert "turn and tilt look swapped" in only(check_recording(swapped, arm))
@@ -186,18 +186,18 @@ def test_the_lag_of_the_torque_is_estimated_to_a_tenth_of_a_sample(clean, arm, s
     assert [lag.samples for lag in lags] == pytest.approx([samples] * 3, abs=0.1)
 
 
-def test_a_torque_half_a_sample_early_is_told_and_explained_by_the_hold(clean, arm):
+def test_a_torque_half_a_sample_early_is_reported_and_explained_by_the_hold(clean, arm):
     warnings = check_recording(clean(late=-0.5 / 500), arm)
     assert len(warnings) == 3
     said = r"torque of turn is early against its motion by 1\.0\d ms \(0\.5\d samples\): torque_hold: zoh"
     assert re.search(said, warnings[0])
 
 
-def test_a_held_torque_that_the_robot_states_is_not_told(clean, arm):
+def test_a_held_torque_that_the_robot_states_is_not_reported(clean, arm):
     assert check_recording(clean(late=-0.5 / 500), replace(arm, torque_hold="zoh")) == ()
 
 
-def test_a_late_torque_is_told_in_milliseconds(clean, arm, changed):
+def test_a_late_torque_is_reported_in_milliseconds(clean, arm, changed):
     recording, late = clean(), clean(late=0.004)
     tau = recording.tau.copy()
     tau[:, 0] = late.tau[:, 0]
@@ -228,14 +228,14 @@ def test_a_wrong_inertia_does_not_pass_for_a_lag(clean, arm):
     assert [lag.samples for lag, _ in found if lag] == pytest.approx([0] * 3, abs=0.1)
 
 
-def test_a_tail_at_rest_is_told_with_its_start(arm, changed, recording):
+def test_a_tail_at_rest_is_reported_with_its_start(arm, changed, recording):
     q, v, tau = recording.q.copy(), recording.v.copy(), recording.tau.copy()
     q[8000:], v[8000:], tau[8000:] = q[8000], 0.0, tau[8000]
     warnings = check_recording(changed(recording, q=q, v=v, tau=tau), arm)
     assert any("no joint moves from t = 16 s to the end" in w and "--exclude 16:" in w for w in warnings)
 
 
-def test_an_excluded_tail_is_not_told(arm, changed, recording):
+def test_an_excluded_tail_is_not_reported(arm, changed, recording):
     q = recording.q.copy()
     q[8000:] = q[8000]
     cut = replace(changed(recording, q=q), v=None, excluded=((15.9, 20.0),))
@@ -249,7 +249,7 @@ def test_a_joint_that_never_moves_is_named(arm, changed, rng, recording):
 
 
 @pytest.mark.parametrize(("parts", "times"), [(2, 4.0), (10, 4.0), (50, 1.0)])
-def test_a_motor_encoder_that_wraps_behind_a_gear_is_told(arm, changed, parts, times, recording):
+def test_a_motor_encoder_that_wraps_behind_a_gear_is_reported(arm, changed, parts, times, recording):
     q, wrap = recording.q.copy(), 2 * np.pi / parts
     turned = 1.0 + times * q[:, 1]
     q[:, 1] = np.mod(turned, wrap)
@@ -271,13 +271,13 @@ def test_steps_of_a_coarse_encoder_and_ways_across_a_gap_are_no_jumps(rng):
     assert len(jumps(t[here], q[here], 0.02, 0.0)) == 0
 
 
-def test_a_coarse_encoder_is_told_with_its_step(arm, changed, recording):
+def test_a_coarse_encoder_is_reported_with_its_step(arm, changed, recording):
     q = recording.q.copy()
     q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
     assert any("encoder of turn has the coarse step 0.05" in w for w in check_recording(changed(recording, q=q), arm))
 
 
-def test_a_coarse_encoder_that_the_robot_states_is_not_told(arm, changed, recording):
+def test_a_coarse_encoder_that_the_robot_states_is_not_reported(arm, changed, recording):
     q = recording.q.copy()
     q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
     actuators = (replace(arm.actuators[0], encoder_counts=2 * np.pi / 0.05), *arm.actuators[1:])

@@ -8,7 +8,7 @@ from identification.data.checks.times_and_torques import check_clipping
 from identification.data.recording import Recording
 
 
-def test_a_clipped_torque_is_told_with_value_and_share(arm, changed, recording):
+def test_a_clipped_torque_is_reported_with_value_and_share(arm, changed, recording):
     top = np.percentile(recording.tau[:, 1], 95)
     tau = np.minimum(recording.tau, [np.inf, top, np.inf])
     warnings = check_recording(changed(recording, tau=tau), arm)

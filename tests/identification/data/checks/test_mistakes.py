@@ -25,7 +25,7 @@ from places import ROBOTS
 
 
 def entries(recording: Recording, robot) -> list[str]:
-    """What a user is told to write, one text a fault, as a reader would find it."""
+    """The entries that each fault asks for, as a reader would find them."""
     found = checked(mended(recording, robot.prismatic), robot)
     return [fault.mend for fault in found.wrong]
 
@@ -65,7 +65,7 @@ def test_an_axis_that_points_the_other_way_is_refused_with_both_entries(clean, j
     assert f"q.{name}: {{from: q.{name}, sign: -1}}, tau.{name}: {{from: tau.{name}, sign: -1}}" in stated[0]
 
 
-def test_a_position_and_the_torque_of_another_joint_are_both_told(clean):
+def test_a_position_and_the_torque_of_another_joint_are_both_reported(clean):
     robot = load_robot("example:ur5")
     stated = "; ".join(entries(turned(clean(robot=robot), q=(2,), tau=(1,)), robot))
     for column in ("q.elbow_joint", "tau.shoulder_lift_joint"):
@@ -125,7 +125,7 @@ def test_a_zero_that_is_off_is_left_to_the_diagnosis(clean):
 
 
 @pytest.mark.parametrize("start", [0.2, 0.75])
-def test_motion_that_grows_without_bound_is_told_as_that(start, planar_log):
+def test_motion_that_grows_without_bound_is_reported_as_that(start, planar_log):
     t = planar_log.t
     growth = np.exp(np.maximum(t - start * t[-1], 0.0) * 3.0 / max(1 - start, 0.3)) - 1.0
     away = np.outer(growth * np.sin(60.0 * t), [0.3, 0.0])
@@ -154,7 +154,7 @@ def test_a_torque_of_no_machine_ran_away(planar_log):
 
 
 @pytest.mark.parametrize("beyond", [np.inf, np.nan, 1e12])
-def test_what_diverged_beyond_all_sensors_is_told_so_and_may_be_left_out(planar2, planar_log, tmp_path, beyond):
+def test_what_diverged_beyond_all_sensors_is_reported_so_and_may_be_left_out(planar2, planar_log, tmp_path, beyond):
     # Known truth: the log ends with 20 rows of values that grow, and 10 that no sensor gives.
     q, tau, t = np.array(planar_log.q), np.array(planar_log.tau), planar_log.t
     q[-30:, 1] += 3.0 ** np.minimum(np.arange(30), 12)
@@ -282,7 +282,7 @@ def test_any_rate_that_follows_the_motion_is_fine(arm, rate, seconds, slowest_hz
     assert check_recording(swings(arm, np.arange(int(seconds * rate)) / rate, slowest_hz), arm) == ()
 
 
-def test_a_motion_that_is_sampled_too_slowly_is_told_and_is_no_standstill(arm):
+def test_a_motion_that_is_sampled_too_slowly_is_reported_and_is_no_standstill(arm):
     # Sines of 0.4 Hz and more, sampled once a second: the positions are those of noise.
     said = check_recording(swings(arm, np.arange(300.0), 0.4), arm)
     assert not [sentence for sentence in said if "never moves" in sentence or "no joint moves" in sentence]

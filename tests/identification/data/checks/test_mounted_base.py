@@ -94,7 +94,7 @@ def test_a_base_that_leans_a_little_is_for_the_diagnosis(clean, planar2, degrees
 
 
 @pytest.mark.parametrize("share", [0.2, 0.3])
-def test_weight_that_a_controller_took_out_is_told_although_the_model_lacks_a_load(clean, planar2, share):
+def test_weight_that_a_controller_took_out_is_reported_although_the_model_lacks_a_load(clean, planar2, share):
     # Known truth: the controller knows the given model; the weight of the load is left in the torques.
     recording = clean(robot=loaded(planar2, (0.0, 0.0, -9.81), (0.1, 0.0, -0.2), share))
     taken = replace(recording, tau=recording.tau - gravity_torque(planar2, recording.q))

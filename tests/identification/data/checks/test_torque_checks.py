@@ -48,7 +48,7 @@ def test_a_slow_motion_does_not_leak_into_the_bands(rng):
     assert roll_off(x[:, None]) == pytest.approx(0.0, abs=0.7)
 
 
-def test_filtered_torques_are_told_with_their_joints(arm, changed, recording):
+def test_filtered_torques_are_reported_with_their_joints(arm, changed, recording):
     tau = recording.tau.copy()
     tau[:, :2] = low_passed(tau[:, :2])
     (sentence,) = said(changed(recording, tau=tau))
@@ -56,12 +56,12 @@ def test_filtered_torques_are_told_with_their_joints(arm, changed, recording):
     assert "the noise above the band cannot be used" in sentence
 
 
-def test_torques_and_positions_filtered_alike_are_not_told(arm, changed, rng, recording):
+def test_torques_and_positions_filtered_alike_are_not_reported(arm, changed, rng, recording):
     q = recording.q + 1e-5 * rng.standard_normal(recording.q.shape)
     assert said(changed(recording, q=low_passed(q), tau=low_passed(recording.tau))) == ()
 
 
-def test_torques_as_sensors_give_them_are_not_told(clean):
+def test_torques_as_sensors_give_them_are_not_reported(clean):
     assert said(clean()) == ()
 
 
@@ -191,7 +191,7 @@ def test_the_cut_off_of_a_low_pass_is_found(clean, arm, changed, hertz):
     assert found == pytest.approx([hertz] * 3, rel=0.05)
 
 
-def test_a_low_pass_is_told_with_the_entry_that_takes_it_back(clean, arm, changed):
+def test_a_low_pass_is_reported_with_the_entry_that_takes_it_back(clean, arm, changed):
     recording = clean(seconds=40.0)
     stated = [
         text for text in check_recording(changed(recording, tau=late_low_passed(recording, 5.0)), arm) if "tilt" in text
@@ -215,7 +215,7 @@ def test_a_torque_that_is_not_late_went_through_no_low_pass(clean, arm, late):
 
 
 @pytest.mark.parametrize("hertz", [8.0, 20.0])
-def test_a_low_pass_of_second_order_is_not_told_as_one_of_first(clean, arm, changed, hertz):
+def test_a_low_pass_of_second_order_is_not_reported_as_one_of_first(clean, arm, changed, hertz):
     # The noise above the motion tells the order: it falls off twice as steeply.
     recording = clean(seconds=40.0)
     tau = lfilter(*butter(2, hertz, fs=500.0), recording.tau - recording.tau[0], axis=0) + recording.tau[0]
@@ -249,23 +249,23 @@ def test_the_error_of_a_share_covers_its_departure(taken, arm):
     assert [abs(one.share) < 4 * one.std for one in held] == [True] * 3
 
 
-def test_torques_without_friction_are_told_with_the_entry(taken, arm):
+def test_torques_without_friction_are_reported_with_the_entry(taken, arm):
     (sentence,) = check_recording(taken(EVERY), arm)
     assert "the torques of turn, tilt, slide lack the friction that the model states" in sentence
     assert "write tau: {compensated: friction} into a column map and give it with --columns" in sentence
 
 
-def test_one_torque_without_friction_is_told_with_the_entry_of_its_joint(taken, arm):
+def test_one_torque_without_friction_is_reported_with_the_entry_of_its_joint(taken, arm):
     (sentence,) = check_recording(taken(SECOND), arm)
     assert "the torque of tilt lacks the friction" in sentence
     assert "write tau.tilt: {compensated: friction} into" in sentence
 
 
-def test_friction_that_is_half_of_what_the_model_states_is_not_told(taken, arm):
+def test_friction_that_is_half_of_what_the_model_states_is_not_reported(taken, arm):
     assert check_friction_taken(taken(0.5 * EVERY), arm, smoothed(taken(0.5 * EVERY))) == ()
 
 
-def test_nothing_is_told_where_the_column_map_says_so(taken, arm):
+def test_nothing_is_reported_where_the_column_map_says_so(taken, arm):
     assert check_recording(replace(taken(EVERY), friction_taken=arm.joint_names), arm) == ()
 
 
@@ -274,7 +274,7 @@ def test_a_robot_whose_model_states_no_friction_lacks_none(taken, arm):
     assert friction_shares(bare, smoothed(taken(EVERY))) == ()
 
 
-def test_friction_below_what_the_fit_leaves_is_not_told(taken, arm, changed, rng):
+def test_friction_below_what_the_fit_leaves_is_not_reported(taken, arm, changed, rng):
     recording = taken(EVERY)
     friction = active_friction(arm, recording.v).std(axis=0)
     noise = rng.standard_normal(recording.tau.shape) * 6.0 * friction

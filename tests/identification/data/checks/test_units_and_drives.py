@@ -310,12 +310,12 @@ def test_passive_joints_where_the_loops_put_them_are_no_warning(parallelogram):
     assert check_passive(found, parallelogram) == ()
 
 
-def test_a_passive_joint_elsewhere_is_told_with_its_distance(parallelogram):
+def test_a_passive_joint_elsewhere_is_reported_with_its_distance(parallelogram):
     (sentence,) = check_passive(logged(parallelogram, q__rocker=CRANK + 0.1), parallelogram)
     assert sentence.startswith("log.csv: the measured position of rocker is 0.1 rad (rms) from where the loops of")
 
 
-def test_torque_of_a_passive_joint_is_told_and_not_used(parallelogram):
+def test_torque_of_a_passive_joint_is_reported_and_not_used(parallelogram):
     found = logged(parallelogram, tau__rocker=np.ones(100))
     assert "log.csv: the torque of rocker is not used, as the joint is passive: it has no drive." in found.warnings
 

@@ -206,7 +206,7 @@ def times(quantity: str, factor: float) -> dict:
     return {name.replace(".", "__"): lambda log, name=name: factor * log[name] for name in names}
 
 
-def test_a_good_log_is_told_nothing(sentence):
+def test_a_good_log_gets_no_warning(sentence):
     assert sentence() == ((), ())
 
 
@@ -241,27 +241,27 @@ def test_an_accelerometer_without_gravity_is_certainly_wrong(sentence):
     assert (said, wrong.what) == ((), "gravity was taken out of sf.imu")
 
 
-def test_a_specific_force_of_another_size_is_told_with_both_figures(sentence):
+def test_a_specific_force_of_another_size_is_reported_with_both_figures(sentence):
     (said,), wrong = sentence(**times("sf", 1.3))
     assert wrong == ()
     assert "sf.imu is not as large as gravity: over a second its mean is 12" in said
     assert "and gravity 9.81" in said
 
 
-def test_an_accelerometer_that_points_downwards_is_told(sentence):
+def test_an_accelerometer_that_points_downwards_is_reported(sentence):
     (said,), _ = sentence(**times("sf", -1.0))
     assert "sf.imu points downwards on the base, and an accelerometer reads upwards at rest" in said
 
 
-def test_a_gyroscope_with_the_wrong_signs_is_told_with_the_right_ones(sentence):
+def test_a_gyroscope_with_the_wrong_signs_is_reported_with_the_right_ones(sentence):
     (said,), wrong = sentence(**times("w", -1.0))
     assert wrong == ()
     assert "w.imu and sf.imu do not turn alike" in said
 
 
 @pytest.mark.parametrize(("signs", "read"), [((-1, 1, 1), "-x, y and z"), ((-1, -1, -1), "-x, -y and -z")])
-def test_where_the_base_only_turns_the_right_axes_are_told(tmp_path, rng, signs, read):
-    (said,), _ = told_of_turns(tmp_path, rng, signs)
+def test_where_the_base_only_turns_the_right_axes_are_reported(tmp_path, rng, signs, read):
+    (said,), _ = warnings_of_turns(tmp_path, rng, signs)
     assert (
         f", but only 0 % with {read} of the gyroscope in the axes of the root in place of x, y and z: correct" in said
     )
@@ -269,10 +269,10 @@ def test_where_the_base_only_turns_the_right_axes_are_told(tmp_path, rng, signs,
 
 def test_a_specific_force_that_turns_faster_than_the_base_says_nothing_of_signs(tmp_path, rng):
     # By hand: no axes let a gyroscope that reads 0.3 of the turning explain it, so that accelerations turn the force.
-    assert told_of_turns(tmp_path, rng, (-0.3, -0.3, -0.3)) == ((), ())
+    assert warnings_of_turns(tmp_path, rng, (-0.3, -0.3, -0.3)) == ((), ())
 
 
-def told_of_turns(tmp_path, rng, signs):
+def warnings_of_turns(tmp_path, rng, signs):
     """What is said, and what is certainly wrong, of a base that turns alone."""
     file = written_leg(tmp_path)
     robot, log = load_robot(file), log_of_leg(file, rng)
@@ -288,7 +288,7 @@ def told_of_turns(tmp_path, rng, signs):
     return check_base(recording(Table("log.csv", log), robot), robot)
 
 
-def test_a_contact_that_says_the_contrary_is_told(sentence):
+def test_a_contact_that_says_the_contrary_is_reported(sentence):
     (said,), _ = sentence(contact__foot=lambda log: 1 - log["contact.foot"])
     assert "contact.foot seems to be inverted: the model leaves" in said
 

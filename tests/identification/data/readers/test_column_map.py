@@ -137,12 +137,12 @@ def write_csv(tmp_path):
         ("q.a: pos_a\ntau.a: pos_a", r"q\.a and tau\.a are both from 'pos_a'"),
     ],
 )
-def test_a_map_that_cannot_be_used_is_told(apply, text, sentence):
+def test_a_map_that_cannot_be_used_is_reported(apply, text, sentence):
     with pytest.raises(LogError, match=sentence):
         apply(text)
 
 
-def test_a_missing_map_is_told(tmp_path):
+def test_a_missing_map_is_reported(tmp_path):
     with pytest.raises(LogError, match=r"no\.yaml cannot be read"):
         read_column_map(tmp_path / "no.yaml")
 

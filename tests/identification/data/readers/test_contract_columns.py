@@ -134,13 +134,13 @@ def test_unknown_columns_are_ignored_with_a_warning(columns):
         ("t.a", r"the time is written t, not t\.a"),
     ],
 )
-def test_a_name_of_the_wrong_shape_is_told(columns, name, sentence):
+def test_a_name_of_the_wrong_shape_is_reported(columns, name, sentence):
     with pytest.raises(LogError, match=sentence):
         table(columns, **{name: columns["t"]})
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_value_that_is_not_finite_is_told_with_row_and_column(columns, value):
+def test_a_value_that_is_not_finite_is_reported_with_row_and_column(columns, value):
     with pytest.raises(LogError, match=rf"log\.csv, row 8, column tau\.b is {value}: every value must be a number"):
         table(columns, **{"tau.b": put(columns["tau.b"], 7, value)})
 
@@ -158,7 +158,7 @@ def test_a_column_without_any_number_is_one_to_leave_out(columns):
 
 
 @pytest.mark.parametrize(("name", "value"), [("q.a", 2e6), ("tau.a", -2e9), ("v.b", 1e30)])
-def test_a_value_that_no_sensor_gives_is_told(columns, name, value):
+def test_a_value_that_no_sensor_gives_is_reported(columns, name, value):
     with pytest.raises(
         LogError, match=rf"row 4, column {name} is {value:g}, which no sensor gives".replace("+", r"\+")
     ):
@@ -282,17 +282,17 @@ def test_a_missing_file_names_the_nearest(write, lines):
         read_table(path.with_name("arm_rum1.csv"))
 
 
-def test_a_missing_folder_is_told(tmp_path):
+def test_a_missing_folder_is_reported(tmp_path):
     with pytest.raises(LogError, match="does not exist, nor does its folder"):
         read_table(tmp_path / "no" / "log.csv")
 
 
-def test_a_folder_that_is_no_bag_is_told(tmp_path):
+def test_a_folder_that_is_no_bag_is_reported(tmp_path):
     with pytest.raises(LogError, match=r"is a folder without metadata\.yaml, so no ROS 2 bag"):
         read_table(tmp_path)
 
 
-def test_a_file_without_permission_is_told(write, lines, monkeypatch):
+def test_a_file_without_permission_is_reported(write, lines, monkeypatch):
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied")
 

@@ -81,19 +81,19 @@ def test_text_in_a_column_that_is_not_ours_does_no_harm(write, lines):
 
 
 @pytest.mark.parametrize("text", ["abc", "0x10", "1_000", "2026-01-01", "true", "1.0 2.0"])
-def test_text_is_told_with_line_column_and_value(write, lines, text):
+def test_text_is_reported_with_line_column_and_value(write, lines, text):
     lines[30] = lines[30].replace(lines[30].split(",")[2], text)
     with pytest.raises(LogError, match=rf"log\.csv, line 31, column v\.a holds '{text}' where a number should be"):
         read_table(write(lines))
 
 
-def test_a_decimal_comma_is_told(write, lines):
+def test_a_decimal_comma_is_reported(write, lines):
     rows = [lines[0].replace(",", ";"), *(line.replace(",", ";").replace(".", ",") for line in lines[1:])]
     with pytest.raises(LogError, match=r"line 2, column t holds '0,0' .* write the decimal point as a point"):
         read_table(write(rows))
 
 
-def test_an_empty_cell_is_told(write, lines):
+def test_an_empty_cell_is_reported(write, lines):
     cells = lines[12].split(",")
     cells[1] = ""
     lines[12] = ",".join(cells)
@@ -109,13 +109,13 @@ def test_the_line_is_that_of_an_editor_despite_comments(write, lines):
 
 
 @pytest.mark.parametrize(("change", "values"), [(lambda s: s + ",1", 8), (lambda s: s.rsplit(",", 1)[0], 6)])
-def test_a_row_of_another_length_is_told_with_its_line(write, lines, change, values):
+def test_a_row_of_another_length_is_reported_with_its_line(write, lines, change, values):
     lines[40] = change(lines[40])
     with pytest.raises(LogError, match=rf"line 41 has {values} values where 7 columns are named"):
         read_table(write(lines))
 
 
-def test_a_row_of_another_length_between_spaces_is_told(write, lines):
+def test_a_row_of_another_length_between_spaces_is_reported(write, lines):
     rows = [line.replace(",", " ") for line in lines]
     rows[40] += " 1"
     with pytest.raises(LogError, match="line 41 has 8 values where 7 columns are named"):
@@ -157,7 +157,7 @@ def test_what_cannot_be_is_refused(write, lines, call, message):
         call(write, lines)
 
 
-def test_a_file_of_comments_is_told(write):
+def test_a_file_of_comments_is_reported(write):
     with pytest.raises(LogError, match="has only comments"):
         read_table(write(["# nothing", "# here"]))
 
@@ -172,7 +172,7 @@ LETTER = b"Dear reader, this is a letter.\nIt has no table, none, at all.\nBye\n
         *((strange, "no log") for strange in (LETTER, b"MATLAB 5.0\0\1\2\3" * 9, bytes(range(256)))),
     ],
 )
-def test_a_file_that_is_empty_or_no_log_is_told(tmp_path, content, said):
+def test_a_file_that_is_empty_or_no_log_is_reported(tmp_path, content, said):
     path = tmp_path / "log.csv"
     path.write_bytes(content)
     with pytest.raises(LogError, match=rf"log\.csv is {said}"):
@@ -180,7 +180,7 @@ def test_a_file_that_is_empty_or_no_log_is_told(tmp_path, content, said):
 
 
 @pytest.mark.parametrize("text", ["<robot name='a'/>", '{"t": [1, 2]}'])
-def test_xml_and_json_are_told(write, text):
+def test_xml_and_json_are_reported(write, text):
     with pytest.raises(LogError, match=r"is no log \(it looks like XML or JSON\)"):
         read_table(write([text]))
 

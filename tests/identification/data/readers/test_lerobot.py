@@ -152,7 +152,7 @@ def test_a_dataset_of_several_episodes_asks_which(dataset):
         read_table(dataset)
 
 
-def test_an_episode_that_is_not_there_is_told(dataset, columns):
+def test_an_episode_that_is_not_there_is_reported(dataset, columns):
     with pytest.raises(LogError, match=r"has no episode_000007: neither data/chunk-\*/episode_000007\.parquet"):
         read_table(dataset / "episode_000007", columns=columns)
 
@@ -168,7 +168,7 @@ def test_an_episode_that_is_not_there_is_told(dataset, columns):
     ],
     ids=["cut off", "deep", "no mapping", "negative", "many"],
 )
-def test_a_damaged_description_is_told(dataset, text, said):
+def test_a_damaged_description_is_reported(dataset, text, said):
     (dataset / "meta" / "info.json").write_text(text)
     with pytest.raises(LogError, match=said):
         read_table(dataset)
@@ -193,7 +193,7 @@ def test_a_pipe_in_the_place_of_a_data_file_is_refused(tmp_path, columns):
     ],
     ids=["uneven lists", "texts", "no times"],
 )  # fmt: skip
-def test_data_that_are_no_joint_states_are_told(tmp_path, columns, changed, said):
+def test_data_that_are_no_joint_states_are_reported(tmp_path, columns, changed, said):
     folder = tmp_path / "odd"
     (folder / "data" / "chunk-000").mkdir(parents=True)
     write_info(folder, info())

@@ -62,7 +62,7 @@ def test_a_preset_reads_its_layout_for_any_names_of_joints(tmp_path, preset, tim
         np.testing.assert_allclose(found.columns[name], values, rtol=1e-14)
 
 
-def test_the_order_that_numbers_were_taken_in_is_told(tmp_path):
+def test_the_order_that_numbers_were_taken_in_is_reported(tmp_path):
     path = text_table(tmp_path / "log.csv", ["timestamp", "actual_q_0", "actual_q_1"], [T, series(0), series(1)])
     (sentence,) = read_table(path, columns="ur_rtde", joints=JOINTS).warnings
     assert "taken in the robot's order: actual_q_0 is shoulder, actual_q_1 is elbow" in sentence
@@ -234,7 +234,7 @@ def test_lists_in_cells_become_columns(tmp_path, form):
 
 
 @pytest.mark.parametrize("cell", ["[1, 2, 3]", "[1, x]", "3", "[]"])
-def test_a_cell_with_another_list_is_told_with_its_line(tmp_path, cell):
+def test_a_cell_with_another_list_is_reported_with_its_line(tmp_path, cell):
     rows = [f'{t},"{cell if k == 7 else [0.5, 1.5]}"' for k, t in enumerate(T)]
     (tmp_path / "log.csv").write_text("\n".join(["t,angles", *rows]))
     (tmp_path / "columns.yaml").write_text("q.a: angles\n")
@@ -249,7 +249,7 @@ def test_an_image_is_no_list_of_joints(tmp_path):
         read_table(tmp_path / "log.npz", columns=tmp_path / "columns.yaml")
 
 
-def test_lists_that_differ_in_length_are_told(tmp_path):
+def test_lists_that_differ_in_length_are_reported(tmp_path):
     lists = [[1.0, 2.0]] * (N - 1) + [[1.0]]
     pq.write_table(pa.table({"t": T, "angles": lists}), tmp_path / "log.parquet")
     (tmp_path / "columns.yaml").write_text("q.a: angles\n")

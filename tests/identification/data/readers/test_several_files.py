@@ -120,7 +120,7 @@ def test_a_duty_of_the_supply_is_a_voltage(tmp_path):
     np.testing.assert_allclose(found.tau, duty * supply[:, None] / 2.0 * 0.05 * 50)
 
 
-def test_a_duty_in_percent_is_told_and_mapped(tmp_path):
+def test_a_duty_in_percent_is_reported_and_mapped(tmp_path):
     duty = 30.0 * np.sin(np.outer(T, [1.0, 1.7]))
     log = written(tmp_path / "log.csv", {"t": T, "supply": 24.0 + 0.0 * T} | both("q", Q) | both("duty", duty))
     with pytest.raises(LogError, match="unit: percent"):

@@ -167,7 +167,7 @@ def with_motion(log: Log, motion: Motion) -> Log:
     )
 
 
-def test_a_joint_at_rest_is_told_from_one_that_turns_round(lab, pendulum, rng):
+def test_a_joint_at_rest_is_distinguished_from_one_that_turns_round(lab, pendulum, rng):
     log = process(lab.recording(pendulum, lab.motion(1)), pendulum, cutoff_hz=10.0)
     motion = stop_and_go(lab)
     noisy = Motion(motion.t, motion.q, motion.v + 1e-3 * rng.normal(size=motion.v.shape), motion.a)

@@ -124,7 +124,7 @@ def test_a_joint_is_at_a_state_of_its_own_in_every_equation(lab, planar2):
 
 
 def test_a_law_that_is_not_exact_makes_its_size_less_certain(lab, planar2):
-    # Known truth: friction that falls with speed, told as Coulomb friction; and Coulomb friction itself.
+    # Known truth: friction that falls with speed, reported as Coulomb friction; and Coulomb friction itself.
     motion = lab.motion(2, 4, seconds=20.0, swing=1.5)
     exact = more_of_it(*fitted_as_coulomb(lab, planar2, motion, "coulomb_friction", 0.6))
     falling = more_of_it(*fitted_as_coulomb(lab, planar2, motion, "stribeck_friction", 0.3, 0.9, 0.3))

@@ -83,7 +83,7 @@ def test_few_samples_have_no_event():
     assert bursts_in(T[:10], 9 * noise()[:10], EXPECTED[:10], ALL[:10], JOINTS) == ()
 
 
-def test_a_burst_is_told_with_what_to_leave_out():
+def test_a_burst_is_reported_with_what_to_leave_out():
     burst = Burst("a.csv", "elbow", 3.0, 3.5, -1.25, 12.0)
     (sentence,) = sentences(burst_notes((burst,), (JointGap("elbow", "N m", 1.0, 1.0, 0.1, 100),)))
     assert sentence.startswith(
@@ -103,7 +103,7 @@ def pushed(lab, planar2):
     return lab.recording(planar2, motion, torque), force
 
 
-def test_a_push_that_nobody_measured_is_told_with_its_torque_and_what_to_leave_out(planar2, pushed):
+def test_a_push_that_nobody_measured_is_reported_with_its_torque_and_what_to_leave_out(planar2, pushed):
     # Known truth: from 12 to 12.5 s.
     recording, force = pushed
     (said,) = (w for w in sentences(diagnose(planar2, (recording,)).data_warnings) if "neither the model nor" in w)

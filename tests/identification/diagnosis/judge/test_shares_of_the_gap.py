@@ -70,7 +70,7 @@ def test_where_the_mean_over_joints_is_within_the_floor_shares_are_of_what_the_f
 
 
 def test_two_findings_close_the_gap_of_what_was_put_in(judged):
-    # Known truth: nothing but the two is missing; an offset may be told as its twin, a spring that rests far away.
+    # Known truth: nothing but the two is missing; an offset may be reported as its twin, a spring that rests far away.
     findings = [claim.finding for claim in findings_without(*judged)]
     assert {finding.joint for finding in findings} == {"elbow", "shoulder"}
     assert sum(finding.gap_closed for finding in findings) == pytest.approx(1.0, abs=0.1)
@@ -136,11 +136,11 @@ def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
         ((None, 5.0), "N m", "at most 5 N m is"),
     ],
 )
-def test_a_range_is_told_by_its_ends(plausible, unit, words):
+def test_a_range_is_reported_by_its_ends(plausible, unit, words):
     assert _range(*plausible, unit) == words
 
 
-def test_a_size_is_told_with_its_unit_to_three_digits():
+def test_a_size_is_reported_with_its_unit_to_three_digits():
     assert _sized(1.23456, "kg") == "1.23 kg"
     assert _sized(1.23456, "1") == "1.23"
 

@@ -36,8 +36,8 @@ class Case:
         columns = replace(self.quiet.columns, residual=self.series(given))
         search = self.quiet.search
         problem = replace(search.problem, session=session, columns=columns)
-        foretold = tuple(a - b for a, b in zip(rest, self.series(smooth), strict=True))
-        self.patch.setattr(PLACE + "flexible_prediction", lambda problem, whole: foretold)
+        predicted = tuple(a - b for a, b in zip(rest, self.series(smooth), strict=True))
+        self.patch.setattr(PLACE + "flexible_prediction", lambda problem, whole: predicted)
         self.patch.setattr(PLACE + "held_out_torque", lambda *_: columns.model_torque)
         plain = replace(search, problem=problem)
         judge = Judge(problem, FLOOR, FLOOR)
@@ -72,7 +72,7 @@ def test_the_fraction_is_what_a_flexible_model_still_takes_off_what_can_be_expla
 
 @pytest.mark.parametrize("size", [2.0, 0.1])
 @pytest.mark.parametrize(("share", "structured"), [(0.07, False), (0.09, True)])
-def test_a_residual_has_structure_of_which_a_twelfth_can_be_foretold_in_all_blocks(case, size, share, structured):
+def test_a_residual_has_structure_of_which_a_twelfth_can_be_predicted_in_all_blocks(case, size, share, structured):
     left = case.left([3.0, 3.0], [size, size], [size, size * np.sqrt(1.0 - 2.0 * share)])
     assert left.structured is structured
     assert left.joint == ("elbow" if structured else None)
@@ -94,7 +94,7 @@ def in_blocks(quiet, numbers: list[int], inside: float, outside: float) -> np.nd
 
 
 @pytest.mark.parametrize(("count", "structured"), [(4, False), (5, True)])
-def test_what_can_be_foretold_in_some_blocks_has_to_be_three_standard_errors(case, quiet, count, structured):
+def test_what_can_be_predicted_in_some_blocks_has_to_be_three_standard_errors(case, quiet, count, structured):
     # Closed form: of ten blocks, k with the same gain and none else sum to sqrt(k / (1 - k / 10)) standard errors:
     # 2.58 for four and 3.16 for five, with less than half of the loss in either.
     smooth = in_blocks(quiet, list(range(1, 1 + count)), np.sqrt(0.1), 1.0)
@@ -119,8 +119,8 @@ def test_structure_sits_where_most_of_it_is_in_noise_floors(case):
     assert left.joint == "shoulder"
 
 
-def test_the_regime_is_that_of_what_can_be_foretold(case, quiet):
-    # Known truth: the residual is large at reversals, what can be foretold of it lies at high speed of the elbow.
+def test_the_regime_is_that_of_what_can_be_predicted(case, quiet):
+    # Known truth: the residual is large at reversals, what can be predicted of it lies at high speed of the elbow.
     found = regimes(quiet.logs[0], quiet.columns, 0, 1)
     fast = found["high_speed"][:, None] * [0.0, 1.0]
     residual = 2.0 + 1.0 * found["velocity_reversal"][:, None] * [0.0, 1.0]
@@ -145,7 +145,7 @@ def test_a_structure_that_lowers_no_loss_in_the_judged_band_is_none(case, quiet)
 
 
 def test_what_a_flexible_model_leaves_is_what_all_effects_leave_less_what_it_foretells(case):
-    # Losses by hand: given 9, left by the named 4; of the 2.5 that all leave one of 1 is not foretold.
+    # Losses by hand: given 9, left by the named 4; of the 2.5 that all leave one of 1 is not predicted.
     left = case.left([3.0, 3.0], [2.0, 2.0], [1.0, 1.0], whole=[2.0, 1.0])
     assert left.fraction_of_explainable == pytest.approx((4.0 - 1.0) / (9.0 - 1.0))
 
@@ -249,7 +249,7 @@ def test_a_flexible_regression_foretells_what_returns_and_not_what_is_noise(quie
     assert np.std(predicted[:, 0]) < 0.5 * noise[:, 0].std()
 
 
-def test_what_a_regression_does_not_help_is_not_foretold(quiet, rng):
+def test_what_a_regression_does_not_help_is_not_predicted(quiet, rng):
     # White noise: held out, a prediction makes it worse.
     residual = 0.1 * rng.normal(size=quiet.noise[0].shape)
     (predicted,) = flexible_prediction(quiet.problem, (residual,))
@@ -257,7 +257,7 @@ def test_what_a_regression_does_not_help_is_not_foretold(quiet, rng):
     assert left <= np.sum(residual[quiet.columns.usable[0]] ** 2) * 1.01
 
 
-def test_changes_beyond_two_deviations_are_told(quiet):
+def test_changes_beyond_two_deviations_are_reported(quiet):
     # Closed form on a fit whose changes are set by hand.
     found = fit(quiet.problem, ())
     std = np.sqrt(np.diag(found.cov))

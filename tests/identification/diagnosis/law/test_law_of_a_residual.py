@@ -33,7 +33,7 @@ def test_the_coefficients_are_those_of_the_law_as_a_torque_on_the_joint(warming)
     assert found["(t - 12)*sign(v)"].coefficient == pytest.approx(0.05, abs=0.003)
 
 
-def test_units_are_told(warming):
+def test_units_are_reported(warming):
     assert {term.term: term.unit for term in warming[1].terms}["(t - 12)*sign(v)"] == "N m/s"
 
 
@@ -184,7 +184,7 @@ def test_a_resonance_is_a_response_to_the_motion(swing):
     assert swing[1].inputs == ("freq(v.j1)",)
 
 
-def test_the_response_to_the_torque_is_told_where_the_torque_comes_late():
+def test_the_response_to_the_torque_is_reported_where_the_torque_comes_late():
     law, found = law_of(made_up_residual(lambda x: x["tl.j1"] - np.interp(x["t"] - 0.03, x["t"], x["tl.j1"])), (JOINT,))
     assert found.inputs == ("freq(tl.j1)",)
     assert law.like == "a torque that was filtered or comes late"

@@ -26,7 +26,7 @@ from phantom_dyn.motion import Motion
 
 
 def silent(_: str) -> None:
-    """Nobody is told."""
+    """Reports no progress."""
 
 
 def comparisons(prepared) -> dict[tuple[str, str | None], object]:
@@ -239,7 +239,7 @@ def test_standings_agree_from_both_sides(lab, planar2):
 
 
 @pytest.mark.whole
-def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, planar2, monkeypatch):
+def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_reported(lab, planar2, monkeypatch):
     # Known truth: drives that are late by 7 and by 9 ms. Were the first one taken for nothing where the second one is
     # judged, one delay of all drives would seem to be the better name.
     now, later, latest = (lab.motion(2, 3, rate=500.0, swing=1.5, ahead=lead) for lead in (0.0, 0.007, 0.009))

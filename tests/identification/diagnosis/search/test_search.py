@@ -23,7 +23,7 @@ def places(terms) -> set[tuple[str, str | None]]:
 
 
 def silent(_: str) -> None:
-    """Nobody is told."""
+    """Reports no progress."""
 
 
 @pytest.mark.parametrize(("size", "cost"), [(0, 0.0), (1, 5.0), (4, 20.0), (10, 26.0)])

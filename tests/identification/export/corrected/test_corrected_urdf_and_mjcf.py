@@ -178,14 +178,14 @@ def test_what_a_file_cannot_say_is_a_comment_in_it(index, corrected, some_motion
     assert ElementTree.fromstring(text.split("?>")[-1].strip()).tag in ("robot", "mujoco")
 
 
-def test_the_rollout_is_told_in_a_sentence(corrected, recorded):
+def test_the_rollout_is_reported_in_a_sentence(corrected, recorded):
     corrected, seen = corrected("rotor_inertia"), recorded("rotor_inertia")
     motion = Motion(seen.t, seen.q, seen.encoders.v, seen.encoders.a)
     (note,) = sentences(rollout_note(corrected, corrected_mjcf(corrected), motion, seen.tau))
     assert re.search(r"rolled out in MuJoCo for 0\.2 s .*elbow 0\.\d+ rad before and 0\.00\d+ after", note)
 
 
-def test_a_rotor_that_nobody_knows_is_told(some_motion, tmp_path):
+def test_a_rotor_that_nobody_knows_is_reported(some_motion, tmp_path):
     robot = load_robot(FILE)
     corrected = corrected_model(robot, (KnownEffect("backlash", "elbow", (0.02,)),))
     notes = sentences(model_files(corrected, some_motion, folder=tmp_path)[1].notes)
@@ -301,7 +301,7 @@ def test_a_body_that_cannot_be_becomes_one_with_the_same_torques(planar, adjuste
     assert "The 2 quantities that moved within tolerance are in the corrected files." in sentences(noted.notes)
 
 
-def test_moves_that_no_body_can_make_are_told(planar, adjusted, tmp_path):
+def test_moves_that_no_body_can_make_are_reported(planar, adjusted, tmp_path):
     # A first moment that would take more moment about the joint than there is; planar motion sees both.
     texts, noted = export_texts(adjusted(lower_center_x=5.0, lower_mass=0.1), planar, folder=tmp_path)
     assert "corrected.xml" in texts

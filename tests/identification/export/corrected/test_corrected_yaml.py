@@ -291,7 +291,7 @@ def test_the_urdf_of_an_mjcf_tells_all_rotors(tmp_path):
     )
 
 
-def test_joints_that_are_held_by_the_configuration_alone_are_told(tmp_path):
+def test_joints_that_are_held_by_the_configuration_alone_are_reported(tmp_path):
     (tmp_path / "arm.urdf").write_text((ROBOTS / "planar2.urdf").read_text())
     (tmp_path / "robot.yaml").write_text("lock: [elbow]\n")
     file = tmp_path / "arm.urdf"
@@ -299,7 +299,7 @@ def test_joints_that_are_held_by_the_configuration_alone_are_told(tmp_path):
     assert "elbow can move in it: to fix them, name them under lock in a robot.yaml beside it." in said
 
 
-def test_another_gravity_is_told():
+def test_another_gravity_is_reported():
     file = find_robot("emps")
     said = sentences(urdf_left_out(corrected_model(load_robot("emps"), ()), file))
     assert "It has no place for gravity: state gravity: [0, 0, 0] in a robot.yaml beside it." in said
@@ -362,7 +362,7 @@ def test_bodies_that_did_not_move_stay_as_they_were_given(planar):
     assert with_nearest_bodies(planar, planar) == (planar, ())
 
 
-def test_what_no_body_can_have_becomes_possible_and_is_told(planar):
+def test_what_no_body_can_have_becomes_possible_and_is_reported(planar):
     robot, said = with_nearest_bodies(moved(planar, Iyy=3.0), planar)
     mass, _, inertia = central_parameters(robot.model.inertias[2].toDynamicParameters())
     assert impossible_because(mass, inertia) is None

@@ -163,7 +163,7 @@ def test_a_motor_holds_what_was_found_of_its_drive_behind_its_gear(cell):
     np.testing.assert_allclose(torque, [2.0, 2.0 + 0.8 * 5.0, 2.0 + 0.8 * 9.0])
 
 
-def test_what_a_servo_has_no_place_for_is_told(cell):
+def test_what_a_servo_has_no_place_for_is_reported(cell):
     notes = written(cell, KnownEffect("input_delay", "elbow", (0.01,)))[1]
     assert any("drive of elbow (delay 0.01): its actuator is <position>" in note for note in notes)
 

@@ -145,7 +145,7 @@ def test_a_collision_shape_is_shown_where_a_link_has_nothing_else(loaded):
     assert shown == {0.5: 3, 0.3: 3, 0.4: 2}
 
 
-def test_meshes_that_are_left_out_are_told_with_the_reason(loaded):
+def test_meshes_that_are_left_out_are_reported_with_the_reason(loaded):
     assert loaded[1] == (
         "It is without lower.dae of the URDF, which MuJoCo cannot load, as it does not exist.",
         "It is without plate.dae of the URDF, which MuJoCo cannot load, as it ends in .dae: "
@@ -153,7 +153,7 @@ def test_meshes_that_are_left_out_are_told_with_the_reason(loaded):
     )
 
 
-def test_several_meshes_that_are_left_out_are_told_in_the_plural(file):
+def test_several_meshes_that_are_left_out_are_reported_in_the_plural(file):
     again = '<visual><geometry><mesh filename="{}"/></geometry></visual></link>'
     more = again.format("meshes/tip.dae").replace("</link>", "") + again.format("package://nowhere/tip.stl")
     (file.parent / "meshes" / "tip.dae").write_text("<COLLADA/>")

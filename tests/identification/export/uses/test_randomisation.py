@@ -136,7 +136,7 @@ def test_the_name_of_a_robot_is_no_number_to_draw(tmp_path, diagnosed, friction,
     assert {field.element for field in ranges} == {"joint"}
 
 
-def test_a_spring_without_an_element_is_told_instead_of_a_range_that_ends_at_no_stiffness(planar, diagnosed):
+def test_a_spring_without_an_element_is_reported_instead_of_a_range_that_ends_at_no_stiffness(planar, diagnosed):
     content = yaml.safe_load(randomisation_text(randomisation_of(diagnosed(bounds=UNSEEN), planar)))
     assert content["mjcf_note"].endswith("under unseen: transmission_compliance on elbow.")
 

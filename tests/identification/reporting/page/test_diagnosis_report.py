@@ -44,7 +44,7 @@ def test_every_tag_is_closed(shown):
     assert shown.open == []
 
 
-def test_a_finding_is_told_in_whole_sentences(shown):
+def test_a_finding_is_reported_in_whole_sentences(shown):
     for part in (
         "The recording shows viscous friction of 0.13 N m s/rad on joint j2: friction torque that grows in proportion "
         "to speed. It shows at high speed.",

@@ -209,7 +209,7 @@ def test_where_many_samples_share_a_pixel_a_spike_of_one_of_them_stays(shown):
     assert corners[:, 1].min() == pytest.approx(8 + 188 * 0.05 / 1.1, abs=0.3)
 
 
-def test_the_values_under_the_pointer_are_told(shown):
+def test_the_values_under_the_pointer_are_reported(shown):
     # The left edge of the whole recording: t = 0, the wave at 5.
     assert shown["reading"] == "0.000 s: measured 5.000, given 4.500, corrected 0.000 N m"
 

@@ -59,7 +59,7 @@ def size(finding: Finding, name: str) -> tuple[float, float]:
     return value.value, value.std
 
 
-def test_a_play_is_told_from_a_spring_by_loads_of_several_sizes(robot, rng):
+def test_a_play_is_distinguished_from_a_spring_by_loads_of_several_sizes(robot, rng):
     # Known truth within four deviations.
     found = diagnose_at_rest(robot, (recorded(robot, WIDE, rng, gap=GAP),))
     (finding,) = found.findings
@@ -78,7 +78,7 @@ def test_the_ledger_says_why_a_spring_is_not_named(robot, rng):
     assert "it is not named because backlash on joint pin" in spring.sentence
 
 
-def test_a_spring_is_told_from_a_play_by_loads_of_several_sizes(robot, rng):
+def test_a_spring_is_distinguished_from_a_play_by_loads_of_several_sizes(robot, rng):
     # Known truth within four deviations.
     found = diagnose_at_rest(robot, (recorded(robot, WIDE, rng, compliance=1 / 250.0),))
     (finding,) = found.findings
@@ -111,7 +111,7 @@ def test_a_way_that_leaves_a_little_more_of_every_rest_is_as_probable_as_likelih
     np.testing.assert_allclose(_probabilities(losses), [likely, 1.0 - likely])
 
 
-def test_a_play_in_one_half_of_the_rests_and_a_spring_in_the_other_are_both_told(robot, rng):
+def test_a_play_in_one_half_of_the_rests_and_a_spring_in_the_other_are_both_reported(robot, rng):
     # Known truth of each half; both give way as far at the largest load, and either alone is certain of itself.
     parts = {"backlash": {"gap": GAP}, "transmission_compliance": {"compliance": 0.5 * GAP / 9.0}}
     halves = [recorded(robot, WIDE, rng, **sizes) for sizes in parts.values()]

@@ -110,7 +110,7 @@ def test_model_files_get_it_as_a_delay_of_references(arm):
     assert (numbers.whole, numbers.reference_delay, numbers.delay) == (True, 0.03, None)
 
 
-def test_a_held_reference_is_told_as_what_looks_the_same(arm):
+def test_a_held_reference_is_reported_as_what_looks_the_same(arm):
     # Closed form: held for 40 ms, it is 20 ms late on average.
     said = EFFECT.remark(arm, None, np.array([0.02]))
     assert "every 40 ms" in said

@@ -313,7 +313,7 @@ def test_states_before_the_first_reference_are_left_out_and_counted(write):
     assert "5 states before the first reference of /asked were left out" in table.warnings[0]
 
 
-def test_a_topic_of_a_controller_beside_the_joint_states_is_told(write):
+def test_a_topic_of_a_controller_beside_the_joint_states_is_reported(write):
     topics = states_and(CONTROLLER, controller_state)
     assert "are read with --ref-topic /asked" in read_table(write(topics)).warnings[0]
 
@@ -355,7 +355,7 @@ def test_a_bag_without_the_definition_of_its_messages_says_how_to_get_it(write):
         read_table(path)
 
 
-def test_an_mcap_file_of_other_messages_than_those_of_ros_is_told(write):
+def test_an_mcap_file_of_other_messages_than_those_of_ros_is_reported(write):
     path = next(write(states_and(CONTROLLER, controller_state)).glob("*.mcap"))
     path.write_bytes(path.read_bytes().replace(b"\x04\0\0\0ros2", b"\x04\0\0\0json", 1))
     with pytest.raises(LogError, match="is an MCAP file of the profile 'json', wanted ros2: JSON and Protobuf are not"):

@@ -123,7 +123,7 @@ def test_empty_effort_and_velocity_are_no_columns(tmp_path):
     assert set(read_table(path).columns) == {"t", "q.a", "q.b"}
 
 
-def test_effort_that_is_empty_now_and_then_is_told(tmp_path):
+def test_effort_that_is_empty_now_and_then_is_reported(tmp_path):
     def gappy(store, k):
         return message(store, k, "ab", *truth(k)[:2], [] if k == 4 else truth(k)[2])
 
@@ -155,13 +155,13 @@ def test_a_gripper_on_the_same_topic_is_left_out_with_a_warning(tmp_path):
     assert "1 messages of /joint_states about other joints (finger) were left out" in table.warnings[0]
 
 
-def test_a_bag_without_messages_is_told(tmp_path):
+def test_a_bag_without_messages_is_reported(tmp_path):
     path = write_bag(tmp_path, "mcap", {"/joint_states": lambda s, k: None})
     with pytest.raises(LogError, match="has no messages on /joint_states"):
         read_table(path)
 
 
-def test_a_bag_with_a_strange_ending_is_told(tmp_path):
+def test_a_bag_with_a_strange_ending_is_reported(tmp_path):
     path = write_bag(tmp_path, "mcap", {"/joint_states": good})
     with pytest.raises(LogError, match=r"is a ROS 2 bag by its content: give it the ending \.db3"):
         read_table(path.rename(path.with_suffix(".csv")))

@@ -51,7 +51,7 @@ def all_sure(monkeypatch):
     monkeypatch.setattr(shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, 1.0))
 
 
-def test_what_is_not_told_from_zero_is_no_finding(bench_of, rubbing, all_sure):
+def test_what_is_not_distinguished_from_zero_is_no_finding(bench_of, rubbing, all_sure):
     # Known truth: friction on the elbow, and no offset.
     bench, offset = bench_of(rubbing), rubbing.term("torque_offset", "elbow")
     friction = rubbing.term("coulomb_friction", "elbow")

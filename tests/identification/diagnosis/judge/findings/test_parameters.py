@@ -293,7 +293,7 @@ def test_a_robot_without_such_parts_lacks_none(handed):
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.74, False), (0.75, True), (0.994, True)])
-def test_a_part_is_told_that_explains_three_quarters(planar2, monkeypatch, share, said):
+def test_a_part_is_reported_that_explains_three_quarters(planar2, monkeypatch, share, said):
     monkeypatch.setattr(PLACE + "likeliest_missing_part", lambda *_: (share, 2, HAND))
     words = sentences(missing_part_notes(SimpleNamespace(), SimpleNamespace(joint=None), np.zeros(20)))
     assert len(words) == said

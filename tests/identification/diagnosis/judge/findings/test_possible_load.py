@@ -21,7 +21,7 @@ def notes(joint: str, mass: float, inertia: np.ndarray, cov: np.ndarray = SMALL)
     return possible_load_notes(robot, term, body_parameters(mass, np.array([0.0, 0.0, 0.1]), inertia), cov)
 
 
-def test_changes_that_a_clamped_bar_makes_are_told_as_a_load_too():
+def test_changes_that_a_clamped_bar_makes_are_said_to_be_a_load_too():
     (note,) = notes("elbow", 1.5, BAR)
     assert note.numbers["mass"] == 1.5
     np.testing.assert_allclose(note.numbers["center"], (0.0, 0.0, 0.1), atol=1e-12)
