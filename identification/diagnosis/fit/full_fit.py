@@ -19,6 +19,7 @@ from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.covariance import covariance, free_parameters
 from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.other_law import other_law_shift
 from identification.diagnosis.fit.possible_bodies import Body, possible_minimum
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.repeated_error import equations, repeated_variance
@@ -30,19 +31,17 @@ from identification.diagnosis.fit.whole_model import (
     in_band,
     lay_out,
     linearised,
-    other_law_torque,
-    term_torque,
     torque_change,
+    weighted_products,
 )
 from identification.engine.numerics.bounded import bounded_solve, solve
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import mass_matrix
-from phantom_dyn.effects.rival import OtherLaw
 from phantom_dyn.random_streams import random_stream
 
 # A parameter counts as unobservable if its information (inverse variance), in its own units, is below this.
 _NO_TRACE = 1e-200
-# Largest number of steps of a fit, and number of steps from one law of a term to another.
+# Largest number of steps of a fit.
 _STEPS = 4
 # Columns that depend on the model are computed again if a tolerance parameter changes by more sigmas than this.
 _SAME_MODEL = 0.3
@@ -130,9 +129,10 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)
     # A term may follow another law. The shift of all parameters by that law is taken as a standard deviation.
     by_law: list[Array] = []
+    limits = (precision, lower, upper)
     for slices in layout.term_slices:
         effect, at = slices.term.effect, slices.coefficients
-        by_other_laws = (_other_law_shift(layout, model, x, slices, law, total) for law in effect.other_laws)
+        by_other_laws = (other_law_shift(layout, model, x, slices, law, limits) for law in effect.other_laws)
         shifts = (_share_shift(slices, x), *by_other_laws)
         by_law.append(sum((np.outer(shift, shift) for shift in shifts), np.zeros_like(cov)))
         if effect.inertial == "point mass":
@@ -195,35 +195,6 @@ def _share_shift(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"
     return shift
 
 
-def _other_law_shift(
-    layout: ModelLayout,
-    model: Linearised,
-    x: Float[Array, " p"],
-    slices: TermSlices,
-    law: OtherLaw,
-    total: Float[Array, "p p"],
-) -> Float[Array, " p"]:
-    """Shift of all parameters if one term follows another law, by quasi-Newton steps with the Jacobian of its own law.
-
-    Each shape parameter stays within a factor of two of its value under the term's own law, because it has the same
-    meaning in both laws.
-    """
-    at = slices.indices
-    own_torque = tuple(term_torque(layout, slices, x))
-    shift = np.zeros(len(x))
-    for _ in range(_STEPS):
-        candidate = x + shift
-        candidate[slices.shape] = np.clip(candidate[slices.shape], 0.5 * x[slices.shape], 2.0 * x[slices.shape])
-        other = other_law_torque(layout, slices, candidate, law)
-        # Torque of the linearised law of the term minus that of the other law.
-        difference = tuple(
-            by_own_law + slopes[:, :, at] @ (candidate - x)[at] - by_other_law
-            for by_own_law, slopes, by_other_law in zip(own_torque, model.slopes, other, strict=True)
-        )
-        shift = solve(total, _products(layout, model, difference)[1].sum(axis=0))
-    return shift
-
-
 def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array, "p p"]) -> Float[Array, "p p"]:
     """Covariance of all parameters from the unknown inertia of rotors that the model does not state.
 
@@ -248,7 +219,7 @@ def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array,
             torque[:, row] = _UNSTATED * carried * operation.a[:, row]
             column.append(in_band(layout, log, torque))
         # The column of the rotor, with a prior deviation of one, is eliminated.
-        _, across, own = _products(layout, model, tuple(column))
+        _, across, own = weighted_products(layout, model, tuple(column))
         without_rotors -= np.outer(across.sum(axis=0), across.sum(axis=0)) / (own.sum() + 1.0)
     identity = np.eye(layout.size)
     return solve(without_rotors, identity) - solve(total, identity)
@@ -264,7 +235,7 @@ def load_extent_shift(
         mass * _GYRATION**2 * columns_of(layout.problem, columns, log).sum(axis=2)
         for log in range(len(layout.operations))
     )
-    return solve(total, _products(layout, model, additional)[1].sum(axis=0))
+    return solve(total, weighted_products(layout, model, additional)[1].sum(axis=0))
 
 
 def _gauss_newton(
@@ -276,7 +247,7 @@ def _gauss_newton(
 ) -> tuple[Array, Linearised, tuple[Array, Array, Array]]:
     """Parameters after Gauss-Newton steps within bounds, with the linearised model and its products at that point."""
     model = linearised(layout, x)
-    products = _products(layout, model)
+    products = weighted_products(layout, model)
     bodies = _bodies(layout)
     for _ in range(_STEPS):
         a, b, c = products
@@ -294,7 +265,7 @@ def _gauss_newton(
         for shorter in (1.0, 0.3):
             candidate = x + shorter * step
             at_candidate = linearised(layout, candidate)
-            new_products = _products(layout, at_candidate)
+            new_products = weighted_products(layout, at_candidate)
             if new_products[2].sum() + precision @ candidate**2 < loss:
                 x, model, products = candidate, at_candidate, new_products
                 break
@@ -327,7 +298,7 @@ def _model_covariance(
     shifts = []
     for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
         adjusted = layout.adjusted(x[:count] + draw)
-        _, b, _ = _products(layout, model, torque_change(layout, adjusted, x))
+        _, b, _ = weighted_products(layout, model, torque_change(layout, adjusted, x))
         shifts.append(solve(total, b.sum(axis=0)))
     return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _DRAWS
 
@@ -349,31 +320,3 @@ def _priors_and_bounds(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Arra
         ends = np.sort([0.5 * x[slices.shape], 2.0 * x[slices.shape]], axis=0)
         lower[slices.shape], upper[slices.shape] = ends
     return precision, lower, upper
-
-
-def _products(
-    layout: ModelLayout, model: Linearised, residual: tuple[Float[Array, "_ nv"], ...] | None = None
-) -> tuple[Array, Array, Array]:
-    """Weighted products of slopes and a residual for each training block.
-
-    Returns:
-        Slopes times slopes, slopes times residual, and residual times residual, ``(B, p, p)``, ``(B, p)`` and ``(B,)``.
-        Without a given residual, that of the model is used.
-    """
-    if residual is None:
-        residual = tuple(
-            before - torque for before, torque in zip(layout.problem.white.residual, model.torque, strict=True)
-        )
-    problem = layout.problem
-    a, b, c = [], [], []
-    for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
-        if fold < 0:
-            continue
-        part = slice(block.start, block.stop)
-        scale = problem.weights.scale(block.log, part) * problem.white.usable[block.log][part]
-        slopes = (model.slopes[block.log][part] * scale[:, :, None]).reshape(-1, layout.size)
-        weighted = (residual[block.log][part] * scale).ravel()
-        a.append(slopes.T @ slopes)
-        b.append(slopes.T @ weighted)
-        c.append(weighted @ weighted)
-    return np.array(a), np.array(b), np.array(c)

@@ -132,6 +132,34 @@ def linearised(layout: ModelLayout, x: Float[Array, " p"]) -> Linearised:
     return Linearised(*zip(*(_linearised_log(layout, x, log) for log in range(len(layout.operations))), strict=True))
 
 
+def weighted_products(
+    layout: ModelLayout, model: Linearised, residual: tuple[Float[Array, "_ nv"], ...] | None = None
+) -> tuple[Array, Array, Array]:
+    """Weighted products of slopes and a residual for each training block.
+
+    Returns:
+        Slopes times slopes, slopes times residual, and residual times residual, ``(B, p, p)``, ``(B, p)`` and ``(B,)``.
+        Without a given residual, that of the model is used.
+    """
+    if residual is None:
+        residual = tuple(
+            before - torque for before, torque in zip(layout.problem.white.residual, model.torque, strict=True)
+        )
+    problem = layout.problem
+    a, b, c = [], [], []
+    for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
+        if fold < 0:
+            continue
+        part = slice(block.start, block.stop)
+        scale = problem.weights.scale(block.log, part) * problem.white.usable[block.log][part]
+        slopes = (model.slopes[block.log][part] * scale[:, :, None]).reshape(-1, layout.size)
+        weighted = (residual[block.log][part] * scale).ravel()
+        a.append(slopes.T @ slopes)
+        b.append(slopes.T @ weighted)
+        c.append(weighted @ weighted)
+    return np.array(a), np.array(b), np.array(c)
+
+
 def torque_change(
     layout: ModelLayout, adjusted: ModelLayout, x: Float[Array, " p"]
 ) -> tuple[Float[Array, "_ nv"], ...]:
