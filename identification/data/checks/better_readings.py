@@ -116,9 +116,9 @@ def _best(
     """
     certain = [one for one in tried if is_certain(one)]
     best = _likeliest(robot, reading, certain) if certain else None
-    if best is None or best.suspect.fits_gears:
-        # Fitted gear ratios can imitate two mistakes, such as a unit and a sign: so these pairs are tried as well.
-        singles = [one for one in tried if not one.suspect.fits_gears]
+    if best is None or best.suspect.price:
+        # Fitted ratios can imitate two mistakes, such as a unit and a sign: so these pairs are tried as well.
+        singles = [one for one in tried if not one.suspect.price]
         pairs = _pair_of_mistakes(robot, reading, before, singles)
         return _likeliest(robot, reading, [*certain, *pairs]) if pairs else best
     return best
@@ -188,7 +188,9 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
     ]
     least = min(costs)
     # The first of them is taken: wrong signs of torques are more frequent than, and listed before, those of positions.
+    # Fitted numbers come last, although they may fit a little better.
     equal = [one for cost, one in zip(costs, tied, strict=True) if cost <= least + _EQUAL_FIT]
+    equal.sort(key=lambda one: one.suspect.price)
     if len(equal) > 1 and equal[0].suspect.kind in ("sign", "pair"):
         # With a load that mirrors the last link, a wrong sign of the torque and a reversed position fit equally well.
         # So a reading that needs no load is preferred.
@@ -234,6 +236,8 @@ def _pair_of_mistakes(
             ratio = common_ratio(robot, corrected)
             signs = _signs(robot, corrected)
             seconds = [*torque_suspects(robot, ratio), *all_signs(robot), *signs]
+            if first.kind in ("degrees", "length"):
+                seconds += order_suspects(robot, range(robot.nv))
             if ratio is not None and abs(np.log(ratio)) > OTHER_UNIT:
                 seconds.append(factor_of_all(robot, 1 / ratio))
             # Two signs of the same joint are one mistake, which is tried by itself.

@@ -146,5 +146,4 @@ def _suspect(robot: Robot, joints: tuple[int, ...], ratios: Float[Array, " nv"])
         moves=True,
         turned=not robot.prismatic[joints[0]],
         price=1,
-        fits_gears=True,
     )

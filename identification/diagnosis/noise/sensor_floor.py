@@ -5,8 +5,9 @@ encoder noise is drawn for the smooth motion and propagated through derivatives,
 torque is assumed to be white. Its density (power per hertz) is measured above the judged band, where hardly any motion
 is. It is the smaller of two densities: that of the torque readings, which a commanded torque does not have, and that of
 the measured minus the modelled torque (the balance). If the density of the balance rises towards the judged band, the
-noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. No fitted model
-and no flexible predictor is used, because a torque that these do not predict need not be noise.
+noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. The same holds
+for torques that are read in coarse steps: the error of rounding is constant while the torque stays within a step. No
+fitted model and no flexible predictor is used, because a torque that these do not predict need not be noise.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_n
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.effects.support.encoder_lattice import reading_step
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
@@ -40,6 +42,7 @@ from phantom_dyn.random_streams import random_stream
 Readings = tuple[tuple[ReadingNoise | None, ...], ...]
 
 _DENSITY_UNCERTAINTY = 1.25  # largest factor between estimated and true density (benchmarks/noise_floor.py)
+_MOSTLY = 0.5  # share of readings that repeat the one before; with noise of half a step or more, fewer repeat
 _DRAWS = 4  # number of draws of reading errors: with one, their rms torque in a narrow band is uncertain by a tenth
 
 
@@ -81,7 +84,7 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
     encoders = _encoders_in_band(session, readings, usable)
     gain = _noise_gain(session)
     value, low, high, torque = np.full((4, robot.nv), np.nan)
-    rising = np.zeros(robot.nv)
+    rising, rounding = np.zeros(robot.nv), _rounding_errors(session)
     densities = torque_densities(session, readings, deviations)
     rises = joints_that_rise(densities)
     for j, density in enumerate(densities):
@@ -92,7 +95,18 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
             high[j] = np.hypot(np.sqrt(density.high * _DENSITY_UNCERTAINTY * gain), encoders[j])
             if rises[j]:
                 rising[j] = np.hypot(np.sqrt(density.rising * _DENSITY_UNCERTAINTY * gain), encoders[j])
+            high[j] = max(high[j], np.hypot(rounding[j], encoders[j]))
     return SensorFloor(value, low, high, torque, encoders, rising)
+
+
+def _rounding_errors(session: Session) -> Float[Array, " nv"]:
+    """Root mean square error of torques that are read in coarse steps, so that most readings repeat; 0 for others."""
+    out = np.zeros(session.robot.nv)
+    for recording in session.recordings:
+        for j, torque in enumerate(recording.tau.T):
+            if np.mean(np.diff(torque) == 0) > _MOSTLY:
+                out[j] = max(out[j], (reading_step(torque, None) or 0.0) / np.sqrt(12.0))
+    return out
 
 
 def _readings_of(session: Session) -> Readings:

@@ -73,7 +73,6 @@ class Suspect:
         price: 0 for a usual mistake; 1 if it has fitted numbers, such as gear ratios; 2 if it also needs a load that
             the model lacks. A suspect with a higher price has to fit far better than one with a lower price.
         advice: Advice for the user in addition to the entries, or in place of entries that do not exist.
-        fits_gears: True if gear ratios of positions were fitted.
         parts: The two mistakes of a pair.
         model: The corrected model, if the mistake is in the model and not in the data.
     """
@@ -89,7 +88,6 @@ class Suspect:
     turned: bool = False
     price: int = 0
     advice: str = ""
-    fits_gears: bool = False
     parts: tuple[Suspect, ...] = ()
     model: Robot | None = None
 

@@ -179,3 +179,22 @@ def test_axes_of_a_cross_table_whose_columns_are_exchanged(clean, gantry):
 def test_wrong_torque_constants_are_no_exchange(clean, gantry):
     recording = clean(robot=gantry, noise=0.05)
     assert fault_sentences(replace(recording, tau=recording.tau * [0.6, 1.7]), gantry) == []
+
+
+def test_newton_millimetres_beside_a_reversed_position_are_no_current(clean, planar2):
+    # Fitted factors of a current imitate the unit, and were found first.
+    recording = clean(robot=planar2)
+    wrong = replace(recording, q=recording.q * [1.0, -1.0], v=None, tau=recording.tau * 1e3)
+    assert set(fault_sentences(wrong, planar2)) == {
+        "the position of elbow is counted the other way round",
+        "the torques are in Nmm and not in N m",
+    }
+
+
+def test_degrees_in_each_others_columns_are_no_gears(clean, planar2):
+    recording = clean(robot=planar2)
+    wrong = replace(recording, q=np.rad2deg(recording.q[:, ::-1]), v=None)
+    assert fault_sentences(wrong, planar2) == [
+        "the positions of shoulder, elbow are in degrees and not in rad",
+        "the positions of shoulder and elbow are swapped",
+    ]

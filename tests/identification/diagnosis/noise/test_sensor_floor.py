@@ -154,3 +154,12 @@ def in_band(session, columns, unpredicted):
     (drawn,) = session.in_judged_band(sensed_noise(session, columns, unpredicted))
     use = columns.usable[0]
     return np.sqrt(np.sum(np.where(use, drawn, 0.0) ** 2, axis=0) / use.sum(axis=0))
+
+
+def test_a_torque_that_stays_within_a_step_for_long_may_err_by_its_rounding(lab, planar2):
+    # By hand: errors of rounding to steps of d that are equally likely have a root mean square of d / sqrt(12).
+    recording = lab.recording(planar2, lab.motion(2, seconds=40.0, swing=0.2), noise=0.0)
+    step = float(np.ptp(recording.tau[:, 1])) / 20.0
+    assert floors(session_of(planar2, (recording,))).high[1] < step / np.sqrt(12.0)
+    rounded = replace(recording, tau=np.round(recording.tau / step) * step)
+    assert floors(session_of(planar2, (rounded,))).high[1] >= 0.99 * step / np.sqrt(12.0)
