@@ -20,6 +20,7 @@ from identification.data.signals import narrowed, process_all, within_limits
 from identification.data.unknown_drives import with_model_torque
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.blocks import split_blocks
+from identification.diagnosis.columns.motion.brakes import with_brakes
 from identification.diagnosis.columns.motion.one_sine import in_one_sine, moving
 from identification.diagnosis.columns.motion.soft_friction import with_shown_friction
 from identification.diagnosis.columns.operations import carrying_known, operate
@@ -143,7 +144,8 @@ def session_of(
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot)
-    logs = tuple(with_model_torque(robot, replace(log, tau=within_limits(log.tau, robot))) for log in logs)
+    logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
+    logs = tuple(with_brakes(robot, with_model_torque(robot, log)) for log in logs)
     session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)
     if np.sum(session.folds >= 0) < rules.LEAST_BLOCKS:
         seconds = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
