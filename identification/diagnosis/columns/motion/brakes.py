@@ -19,10 +19,12 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 
 # Shortest rest [s] on a brake.
-_LEAST_REST = 0.2
+_LEAST_REST = 0.5
 # Share of the weight: a drive that gives less in a rest gives nothing; one that gives more while the joint moves bears
 # the weight.
 _NOTHING, _BEARS = 0.05, 0.5
+# Share of the root mean square torque in motion that the weight exceeds, so that friction is unlikely to hold it.
+_LARGE = 0.5
 # Share of the top speed below which a smoothed joint may still be held.
 _SLOW = 0.05
 
@@ -36,13 +38,15 @@ def with_brakes(robot: Robot, log: Log) -> Log:
         borne = log.tau[moves, j] @ weight[moves, j]
         if borne < _BEARS * (weight[moves, j] @ weight[moves, j]):
             continue
+        usual = float(np.sqrt(np.mean(log.tau[moves, j] ** 2)))
         speed = np.abs(log.motion.v[:, j])
         slow = speed < _SLOW * np.percentile(speed, 99)
         rests, count = ndimage.label(still[:, j])
         for (rest,) in ndimage.find_objects(rests, count):
             given, needed = np.median(log.tau[rest, j]), np.median(weight[rest, j])
             long = rest.stop - rest.start >= _LEAST_REST * log.band.rate_hz
-            if long and abs(given) < _NOTHING * abs(needed):
+            held_by_more = abs(needed) > max(robot.coulomb_friction[j], _LARGE * usual)
+            if long and held_by_more and abs(given) < _NOTHING * abs(needed):
                 held = _around(rest, slow & (np.abs(log.tau[:, j]) < _BEARS * np.abs(weight[:, j])))
                 tau[held, j] = weight[held, j]
     return replace(log, tau=tau)
