@@ -149,7 +149,7 @@ def joints_words(names: list[str]) -> str:
     """``joint j2`` or ``joints j2 and j3``; if every name contains the word joint, only the names."""
     if all("joint" in name.lower() for name in names):
         return joined(names)
-    return f"joint{'s' * (len(names) > 1)} {joined(names)}"
+    return f"{'joint' if len(names) == 1 else 'joints'} {joined(names)}"
 
 
 def effect_at(at: EffectAt) -> str:
@@ -168,10 +168,10 @@ def effect_at_finding(finding: Finding) -> str:
 
 def rivals_words(finding: Finding) -> str:
     """Alternatives to a finding, most probable first; empty if there are none."""
-    parts = [
-        (joined([effect_at(at) for at in rival.effects]) + " together" * (len(rival.effects) > 1), rival.probability)
-        for rival in finding.rivals
-    ]
+    parts: list[tuple[str, float]] = []
+    for rival in finding.rivals:
+        together = " together" if len(rival.effects) > 1 else ""
+        parts.append((joined([effect_at(at) for at in rival.effects]) + together, rival.probability))
     outside = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
     if outside >= contract_levels.LISTED:
         parts.append(("a cause outside the catalogue", outside))
@@ -203,14 +203,14 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
 def share_of_gap(finding: Finding | PoseFinding) -> str:
     """Share of the gap that a finding closes, averaged over all orders in which findings are added (Shapley value).
 
-    If it is not known, the share that returns without the finding. The average may be negative although the finding
-    closes a part of the gap if it is added last.
+    If that average is not known, the words state the share of the gap that comes back without the finding. The average
+    may be negative although the finding closes a part of the gap when it is added last.
     """
     if finding.share is None:
         return share_words(finding.gap_closed, finding.gap_closed_interval)
     if finding.share >= 0.0:
         return percent_short_of_all(finding.share)
-    if finding.gap_closed < 0.0:  # noise alone is left on held-out data
+    if finding.gap_closed < 0.0:  # noise on held-out data can make this share negative
         return "no measurable part"
     return f"none{_ON_AVERAGE}, {percent_short_of_all(finding.gap_closed)} if added last"
 
@@ -243,7 +243,7 @@ def parameter_name(name: str) -> str:
 
 def joined(parts: list[str], last: str = " and ") -> str:
     """The parts in one phrase, as ``a, b and c``."""
-    return parts[0] if len(parts) == 1 else last.join([", ".join(parts[:-1]), parts[-1]]) if parts else ""
+    return last.join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
 
 
 def capital(text: str) -> str:

@@ -38,7 +38,6 @@ def all_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
 
 def _as_finding(one: PoseFinding) -> Finding:
     """A finding from poses in the form of a finding from torques."""
-    places = ((rival, rival.places) for rival in one.rivals)
     return Finding(
         effect=one.effect,
         joint=one.joint,
@@ -48,7 +47,8 @@ def _as_finding(one: PoseFinding) -> Finding:
         gap_closed_interval=one.gap_closed_interval,
         probability=one.probability,
         rivals=tuple(
-            Rival(tuple(EffectAt(place.effect, place.joint) for place in of), rival.probability) for rival, of in places
+            Rival(tuple(EffectAt(place.effect, place.joint) for place in rival.places), rival.probability)
+            for rival in one.rivals
         ),
         verdict=one.verdict,
         share=one.share,
@@ -113,11 +113,12 @@ def place_words(place: Place) -> str:
 
 
 def sentences(found: GeometryResult) -> list[str]:
-    """Sentences on the error of the tip, its causes, and the error that remains."""
+    """Sentences on the errors of the measured frames, their causes, and the errors that remain."""
     return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *note_sentences(found.notes)]
 
 
 def _gap_sentence(found: GeometryResult) -> str:
+    """How far the measured frames are from where the given model has them."""
     said: list[str] = []
     for frame in found.frames:
         size = f"{small_words(frame.rms_before, frame.unit)} (rms)"
@@ -129,6 +130,7 @@ def _gap_sentence(found: GeometryResult) -> str:
 
 
 def _cause_sentences(found: GeometryResult) -> list[str]:
+    """The findings and their rivals, and the error that remains with them."""
     if not found.findings:
         return [_nothing(found)]
     largest = found.findings[0]
@@ -146,11 +148,13 @@ def _cause_sentences(found: GeometryResult) -> list[str]:
 
 
 def _floor(frame: FrameGap) -> str:
+    """Noise floor of a frame; ``at most`` if it is only an upper limit, from predictors of the residual."""
     limit = "at most " if frame.noise_floor_source == "predictors" else ""
     return f"{limit}{small_words(frame.noise_floor, frame.unit)}"
 
 
 def _nothing(found: GeometryResult) -> str:
+    """Why the poses gave no finding."""
     if found.verdict == "no_gap":
         noise = joined([_floor(frame) for frame in found.frames])
         return (
@@ -173,6 +177,7 @@ def _rivals(finding: PoseFinding) -> str:
 
 
 def _late_sentences(found: GeometryResult) -> list[str]:
+    """Sentences on files whose poses are delayed by more than three standard deviations."""
     seen = [late for late in found.delays if abs(late.delay) > 3 * late.std]
     return [
         f"In {late.file} poses are stamped {1e3 * abs(late.delay):.3g}{NO_BREAK}ms "

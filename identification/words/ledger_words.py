@@ -15,7 +15,7 @@ from identification.words.numbers_and_names import number, percent, percent_shor
 from phantom_dyn.errors import UsageError
 
 _NEAREST = 5  # number of unnamed effects in `nearest_claims`
-_EQUALLY_WELL = 0.01  # two sets explain the gap equally well if their difference is smaller, in noise floors
+_EQUALLY_WELL = 0.01  # noise floors; if the residuals of two sets differ by less, both explain the gap equally well
 
 # For each gate, the reason why an effect that fails it is not named. `value` and `needed` are numbers of the result.
 REASONS: dict[str, str] = {
@@ -50,6 +50,7 @@ REASONS: dict[str, str] = {
 }
 
 _DATA: dict[Data, str] = {"torques": "this motion", "poses": "these poses", "rests": "these rests"}
+# Units of the numbers that gates compare as shares, which are shown as percentages.
 _SHARES = {
     "of the gain",
     "of the squared noise",
@@ -149,6 +150,7 @@ def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Clai
 
 
 def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> ClaimWords:
+    """Text on one claim of the ledger."""
     name = joined([effect_at(at) for at in claim.effects])
     if claim.judged_by == "poses" and not diagnosis.poses_alone:
         name += " (judged by the measured poses)"
@@ -157,6 +159,7 @@ def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> ClaimWords:
 
 
 def _sentence(diagnosis: Diagnosis, claim: Claim[EffectAt], name: str) -> str:
+    """Why the effects of a claim, called ``name``, are named, minor, or not named."""
     failed, closes = claim.failed, _share_alone(claim)
     would = f"{capital(name)} would close {percent_short_of_all(closes)} of the gap" if closes > 0.0 else ""
     if claim.outcome == "claimed":
@@ -183,7 +186,7 @@ def _rival_probability(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
 def _instead(claim: Claim[EffectAt], probability: float) -> str:
     """Clause on the effects that displaced a claim; ``probability`` is that of the claim as their rival."""
     others, failed = joined([effect_at(at) for at in claim.instead]), claim.failed
-    several = len(claim.instead) > 1 or "parameters" in others
+    several = len(claim.instead) > 1 or "parameters" in others  # ``inertial parameters`` are a plural, too
     more = claim.figures.get("floors_more", math.nan)
     if not math.isfinite(more):  # the effect that replaced it is not named either
         return f"{others} took its place in the search: {_reason(failed)}"

@@ -29,7 +29,7 @@ def _with_small_first_letter(text: str) -> str:
     return f"{text[:1].lower()}{text[1:]}"
 
 
-def _of_file(words: str | Callable[[Note], str]) -> Callable[[Note], str]:
+def _with_file_name(words: str | Callable[[Note], str]) -> Callable[[Note], str]:
     """Function that builds the sentence of a note, preceded by the name of the file if the note has one.
 
     Args:
@@ -206,11 +206,11 @@ FILE_WORDS: Mapping[Code, Callable[[Note], str]] = {
         "{difference:.2g} of the largest from the corrected model's, which is an error of phantom-dyn."
     ),
     Code.REFUSED: filled("{files[0]} was not written: {problem}."),
-    Code.NO_PLACE: _of_file(_no_place),
-    Code.NO_PLACE_FOR_EFFECT: _of_file(_no_place_for_effect),
-    Code.NO_PLACE_FOR_DRIVE: _of_file(_no_place_for_drive),
-    Code.NO_PLACE_FOR_LOOPS: _of_file(_no_place_for_loops),
-    Code.NO_PLACE_FOR_GRAVITY: _of_file(_no_place_for_gravity),
+    Code.NO_PLACE: _with_file_name(_no_place),
+    Code.NO_PLACE_FOR_EFFECT: _with_file_name(_no_place_for_effect),
+    Code.NO_PLACE_FOR_DRIVE: _with_file_name(_no_place_for_drive),
+    Code.NO_PLACE_FOR_LOOPS: _with_file_name(_no_place_for_loops),
+    Code.NO_PLACE_FOR_GRAVITY: _with_file_name(_no_place_for_gravity),
     Code.NO_PLACE_FOR_LINKS: _no_place_for_links,
     Code.NO_PLACE_FOR_POSES: _no_place_for_poses,
     Code.PLACES_NOT_IN_IT: _places_not_in_it,
@@ -219,25 +219,27 @@ FILE_WORDS: Mapping[Code, Callable[[Note], str]] = {
         "{files[0]} has no place for what poses showed: where its loops close follows from how it is drawn."
     ),
     Code.AS_IT_WAS_GIVEN: _as_it_was_given,
-    Code.GIVEN_FILE_NOT_IN_IT: _of_file(
+    Code.GIVEN_FILE_NOT_IN_IT: _with_file_name(
         "The given file is not in it, so it lacks the shapes, sensors and actuators of that file: {problem}"
     ),
     Code.NEAREST_BODY: _nearest_body,
     Code.SAME_TORQUES: filled(
         "No body can have all inertias that were found: the files have possible bodies with the same torques."
     ),
-    Code.LOCKED_CAN_MOVE: _of_file(_locked_can_move),
-    Code.NO_SHAPES: _of_file("The given file is no URDF, so this one has bodies, joints and frames, and no shapes."),
-    Code.ONLY_MOTORS: _of_file(_only_motors),
-    Code.REDUCED_LAW: _of_file("It has, {words.kept}: {joint}."),
-    Code.ROTOR_UNKNOWN: _of_file(_rotor_unknown),
-    Code.NEEDS_NEWER_MUJOCO: _of_file(
+    Code.LOCKED_CAN_MOVE: _with_file_name(_locked_can_move),
+    Code.NO_SHAPES: _with_file_name(
+        "The given file is no URDF, so this one has bodies, joints and frames, and no shapes."
+    ),
+    Code.ONLY_MOTORS: _with_file_name(_only_motors),
+    Code.REDUCED_LAW: _with_file_name("It has, {words.kept}: {joint}."),
+    Code.ROTOR_UNKNOWN: _with_file_name(_rotor_unknown),
+    Code.NEEDS_NEWER_MUJOCO: _with_file_name(
         "Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0."
     ),
-    Code.DELAYS_CUT: _of_file(
+    Code.DELAYS_CUT: _with_file_name(
         "Its delays are cut short where the timestep is below {shortest:g} s: raise nsample there."
     ),
-    Code.FILE_REMARK: _of_file("{sentence}"),
+    Code.FILE_REMARK: _with_file_name("{sentence}"),
     Code.CHECKED: _checked,
     Code.ROLLED_OUT: _rolled_out,
     Code.RESIDUAL_HELD: _residual_held,

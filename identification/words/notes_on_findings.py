@@ -43,6 +43,7 @@ def pairs_words(pairs: Sequence[RivalPair]) -> str:
 
 
 def _hypothesis_words(effects: Sequence[EffectAt]) -> str:
+    """Effects of one explanation with their joints, as ``a payload on joint j3 with play on joint j2``."""
     return joined([f"{words_of(at).name} {on_place(at.effect, at.joint)}" for at in effects], " with ")
 
 

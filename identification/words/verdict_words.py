@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
 from identification.diagnosis.judge.verdict import may_hide_gap, ordinary_effects_hide, torques_may_be_noise
 from identification.diagnosis.result import (
@@ -49,7 +51,7 @@ def headline(diagnosis: Diagnosis) -> str:
 
 def short_headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence of at most about 130 letters, which names as many causes as fit."""
-    wrong = "Judged although the recording is wrong. " * bool(diagnosis.wrong)
+    wrong = "Judged although the recording is wrong. " if diagnosis.wrong else ""
     return wrong + _short_verdict(diagnosis, _HEADLINE_LETTERS - len(wrong))
 
 
@@ -68,7 +70,7 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
         groups = grouped(diagnosis)
         placed = [_named(kinds, diagnosis) for kinds in groups]
         bare = list(dict.fromkeys(finding_name(found[0]) for kinds in groups for found in kinds))
-        for names, count in ((names, count) for names in (placed, bare) for count in range(_HEADLINE_CAUSES, 0, -1)):
+        for names, count in product((placed, bare), range(_HEADLINE_CAUSES, 0, -1)):
             more = f" and {len(names) - count} more" if count < len(names) else ""
             named = joined(names[:count], last=", " if more else " and ") + more
             said = f"{begins[diagnosis.verdict]} {named}."
@@ -192,9 +194,9 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 
 def reservations(diagnosis: Diagnosis) -> list[str]:
     """Sentences on causes that the verdicts ``no_gap`` and ``explained`` cannot exclude, and on changed tolerances."""
-    moved = closed_by_tolerances(diagnosis)
+    closed = closed_by_tolerances(diagnosis)
     by_tolerances = (
-        [] if moved is None else [f"Changes within the tolerances close {percent_short_of_all(moved)} of the gap."]
+        [] if closed is None else [f"Changes within the tolerances close {percent_short_of_all(closed)} of the gap."]
     )
     limits = _at_limits([change for change in diagnosis.adjusted if change.at_limit])
     if diagnosis.verdict not in ("no_gap", "explained"):
@@ -238,7 +240,8 @@ def _joints_above_noise(diagnosis: Diagnosis) -> list[JointGap]:
 
 def _not_judged(diagnosis: Diagnosis) -> list[str]:
     """Sentences on joints without a usable sample, which the verdict does not include."""
-    out, gaps = [], [gap for gap in diagnosis.joints if not gap.hold_out_samples]
+    out: list[str] = []
+    gaps = [gap for gap in diagnosis.joints if not gap.hold_out_samples]
     # At rest no torque of any joint is known.
     unknown = [gap.joint for gap in gaps if gap.rms_torque is None and not diagnosis.at_rest]
     still = [gap.joint for gap in gaps if gap.joint not in unknown]
@@ -296,11 +299,16 @@ def _at_limits(changes: list[Adjusted]) -> list[str]:
             for change in changes
         ]
     plain = [change for change in changes if change.hides is not None and change.hides.kind == "change"]
-    loads = dict.fromkeys(hidden_words(change) for change in changes if change not in plain)
-    hidden = [*loads, *["larger changes of these"] * bool(plain)]
-    more = [f"{len(changes) - _MOST_CHANGES} more (in the report)"] if len(changes) > _MOST_CHANGES else []
-    names = joined([*(change.quantity for change in changes[:_MOST_CHANGES]), *more])
-    return [f"The changes of {names} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
+    hidden = list(dict.fromkeys(hidden_words(change) for change in changes if change not in plain))
+    if plain:
+        hidden.append("larger changes of these")
+    names = [change.quantity for change in changes[:_MOST_CHANGES]]
+    if len(changes) > _MOST_CHANGES:
+        names.append(f"{len(changes) - _MOST_CHANGES} more (in the report)")
+    return [
+        f"The changes of {joined(names)} end at the limits of their tolerances; {joined(hidden)} could hide behind "
+        "them."
+    ]
 
 
 def hidden_words(change: Adjusted) -> str:
@@ -323,24 +331,29 @@ def left_over(diagnosis: Diagnosis) -> str:
         parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
     above = [gap for gap in above if not gap.only_given_fits] or above
-    strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})
-    if strays and not (parts or above or left.structured):
-        joint = max(strays, key=lambda name: strays[name])
-        parts.append(
-            "its torque shows none, but under the recorded torque the simulated motion of "
-            f"{joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the tolerances can "
-            "make it, as by a torque that is small and slow"
-        )
-    elif odd := _no_sound_size(diagnosis) if not (parts or above or left.structured) else "":
-        parts.append(odd)
-    elif left.structured or not (parts or above):
+    if left.structured:
         parts.append(unexplained_phrase(left))
     elif above:
         worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)
         floors = f"{number(worst.rms_after / worst.noise_floor, 2)} times its noise floor"
         where = joints_words([worst.joint])
         parts.append(f"on {where} {floors} is left, without structure that another effect could explain")
+    elif not parts:
+        parts.append(_strays_unseen(diagnosis) or _no_sound_size(diagnosis) or unexplained_phrase(left))
     return "; ".join(parts)
+
+
+def _strays_unseen(diagnosis: Diagnosis) -> str:
+    """Phrase on a gap that only the simulated motion shows, where the verdict is ``unknown``; else empty."""
+    strays = (diagnosis.rollout or {}).get("strays", {})
+    if diagnosis.verdict != "unknown" or not strays:
+        return ""
+    joint = max(strays, key=lambda name: strays[name])
+    return (
+        "its torque shows none, but under the recorded torque the simulated motion of "
+        f"{joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the tolerances can "
+        "make it, as by a torque that is small and slow"
+    )
 
 
 def _no_sound_size(diagnosis: Diagnosis) -> str:
@@ -358,11 +371,9 @@ def _no_sound_size(diagnosis: Diagnosis) -> str:
 
 def unexplained_phrase(unexplained: Unexplained) -> str:
     """Phrase on the size of the unexplained residual, whether it has structure, and where it is."""
-    where = [place("", unexplained.joint) if unexplained.joint else "", regime_words(unexplained.regime)]
-    at = ", ".join(part for part in where if part)
-    share = percent(unexplained.fraction_of_explainable)
+    size = f"{percent(unexplained.fraction_of_explainable)} of what the motion predicts is left"
+    regime = regime_words(unexplained.regime)
     if not unexplained.structured:
-        return f"{share} of what the motion predicts is left, without structure that another effect could explain"
-    return f"{share} of what the motion predicts is left" + (
-        f", mostly at {at}" if unexplained.joint else f", {at}" * bool(at)
-    )
+        return f"{size}, without structure that another effect could explain"
+    mostly = f"mostly at {place('', unexplained.joint)}" if unexplained.joint else ""
+    return ", ".join(part for part in (size, mostly, regime) if part)
