@@ -56,8 +56,11 @@ from phantom_dyn.model.robot import Robot
 _STRUCTURE = 0.003
 FEWEST = 20
 """Least number of poses of a frame that determine the poses of base and target and the noise."""
-# Names of an effect and of its joint.
 At = tuple[str, str | None]
+"""Name of an effect, and name of its joint."""
+# Factor between the noise that each method finds without a model, and the noise that its estimate may miss. Second
+# differences of a motion see no noise that is correlated in time.
+_MISSED_NOISE = {"repetitions": 1.0, "above_band": 2.0}
 
 
 def diagnose_poses(
@@ -95,14 +98,14 @@ def diagnose_poses(
 
 
 def _result(explained: ExplainedPoses) -> GeometryResult:
+    """The verdict on a fit, with everything that the report states about the poses."""
     gap = gap_of(explained, blocks_of(explained.equations))
     frames, evidence = _frames(explained, gap)
     found = findings_of(explained, gap)
     bounds, unseen = pose_bounds(explained, found)
     structured = depends_on_posture(explained) or _above_floor(explained)
     more = _more_than_found(explained)
-    once = np.ones((1, len(gap.after)))
-    closed = float(gap.closed(gap.after, once)[0]) if found else None
+    closed = gap.share_closed(gap.after) if found else None
     low, high = interval(gap.closed(gap.after, drawn_blocks(gap)))
     large = tuple(finding for finding in found if size_of(finding).passed)
     return GeometryResult(
@@ -111,7 +114,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
         interval=None if closed is None else (float(low), float(high)),
         frames=frames,
         findings=large,
-        minor=tuple(finding for finding in found if not size_of(finding).passed),
+        minor=tuple(finding for finding in found if finding not in large),
         bounds=bounds,
         not_testable=unseen,
         fitted=_fitted(explained),
@@ -173,15 +176,8 @@ def _above_floor(explained: ExplainedPoses) -> bool:
     """True if the residual of the fit of all terms is larger than the noise that was measured without a model."""
     for series in np.unique(explained.found.series):
         floor = floor_of(explained, int(series))
-        if (
-            floor.source == "repetitions"
-            and explained.noise.sigma[series] > contract_levels.FLOORS_LEFT * floor.interval[1]
-        ):
-            return True
-        if (
-            floor.source == "above_band"
-            and explained.noise.sigma[series] > 2 * contract_levels.FLOORS_LEFT * floor.interval[1]
-        ):
+        limit = _MISSED_NOISE.get(floor.source, np.inf) * contract_levels.FLOORS_LEFT * floor.interval[1]
+        if explained.noise.sigma[series] > limit:
             return True
     return False
 
@@ -193,39 +189,38 @@ def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], 
     before, after = (
         size * held_out_residual_of_rows(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen)
     )
-    out: list[FrameGap] = []
-    lengths: dict[str, list[Array]] = {"t": [], "frame": [], "before": [], "after": [], "moving": []}
+
+    def errors_of(series: int) -> list[Array]:
+        rows = found.series == series
+        return [np.linalg.norm(x[rows].reshape(-1, 3), axis=1) for x in (before, after)]
+
+    gaps: list[FrameGap] = []
+    columns: list[tuple[Array, ...]] = []
     names = tuple(dict.fromkeys(one.frame for one in sets))
-    first = 0
+    poses_before = 0
     for number, one in enumerate(sets):
-        for angle in (False, True)[: 1 if one.turn is None else 2]:
-            rows = found.series == 2 * number + angle
-            errors = [np.linalg.norm(x[rows].reshape(-1, 3), axis=1) for x in (before, after)]
-            out.append(_gap(explained, one, 2 * number + angle, errors))
-            if not angle:
-                t = one.t[found.pose[rows][::3] - first]
-                for name, values in zip(
-                    lengths,
-                    (t, np.full(len(t), float(names.index(one.frame))), *errors, np.full(len(t), one.moving)),
-                    strict=True,
-                ):
-                    lengths[name].append(values)
-        first += len(one.t)
-    joined = {name: np.concatenate(values) for name, values in lengths.items()}
-    return tuple(out), PoseEvidence(
-        joined["t"], names, joined["frame"], joined["before"], joined["after"], joined["moving"].astype(bool)
-    )
+        positions, orientations = 2 * number, 2 * number + 1
+        errors = errors_of(positions)
+        gaps.append(_gap(explained, one, positions, errors))
+        if one.turn is not None:
+            gaps.append(_gap(explained, one, orientations, errors_of(orientations)))
+        t = one.t[found.pose[found.series == positions][::3] - poses_before]  # each position has three rows
+        columns.append((t, np.full(len(t), float(names.index(one.frame))), *errors, np.full(len(t), one.moving)))
+        poses_before += len(one.t)
+    t, frame, before, after, moving = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    return tuple(gaps), PoseEvidence(t, names, frame, before, after, moving)
 
 
 def _gap(explained: ExplainedPoses, one: Measured, series: int, errors: list[Array]) -> FrameGap:
     """Errors of the positions or orientations of one frame; ``errors`` are the lengths before and after the fit."""
     before, after = (float(np.sqrt(np.mean(x**2))) for x in errors)
     floor = floor_of(explained, series)
+    # The length of three independent coordinates has this RMS, in units of the noise of one coordinate.
     three = np.sqrt(3.0)
     noise = three * floor.sigma
-    beyond = before**2 - noise**2
     low, high = (float(three * x) for x in floor.interval)
-    closed = float((before**2 - after**2) / beyond) if explained.chosen and before > high else None
+    whole = before**2 - noise**2
+    closed = float((before**2 - after**2) / whole) if explained.chosen and before > high else None
     return FrameGap(
         one.frame,
         "rad" if series % 2 else "m",
@@ -278,6 +273,7 @@ def _own_size(columns: Array, k: int) -> float:
 
 
 def _warnings(explained: ExplainedPoses) -> tuple[Note, ...]:
+    """A note on outliers, if poses were left out of the fit."""
     left_out = len(np.unique(explained.found.pose)) - len(np.unique(explained.found.pose[explained.kept]))
     if not left_out:
         return ()
@@ -353,6 +349,7 @@ def _best_term_of(explained: ExplainedPoses, at: At, terms: Sequence[int], group
 
 
 def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
+    """Entry of the ledger for a finding, whose terms are ``group``."""
     fits, chosen = explained.fits, explained.chosen
     # Each parameter of a finding has to pass the gate on its own: the smallest decrease decides.
     least = min(fits.squares([k for k in chosen if k != term]) for term in group) - fits.squares(chosen)
@@ -363,10 +360,11 @@ def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding
 
 
 def _claim_of_place(explained: ExplainedPoses, gap: Gap, near: _UnclaimedPlace, groups: dict[At, Group]) -> Claim[At]:
-    if not np.isfinite(near.gain_if_added):
-        gates: tuple[GateResult, ...] = (possible_size(1),)
-    else:
-        gates = (more_than_chance(near.gain_if_added, explained.price),)
+    """Entry of the ledger for an effect on a joint without a finding."""
+    if np.isfinite(near.gain_if_added):
+        gate = more_than_chance(near.gain_if_added, explained.price)
+    else:  # the fit with this parameter ends at a size that cannot exist
+        gate = possible_size(1)
     figures, instead = {"closes": _closes(gap, (near.term,))}, ()
     if near.other is not None and could_stand_for(
         near.gain_if_replacing, explained.price, near.gain_if_added, near.gain_of_other
@@ -376,9 +374,9 @@ def _claim_of_place(explained: ExplainedPoses, gap: Gap, near: _UnclaimedPlace, 
         rows = float(gap.blocks.rows.sum())
         swapped, after = (float(x.sum()) / rows for x in (gap.blocks.losses((*rest, near.term)), gap.after))
         figures["floors_more"] = float(np.sqrt(swapped) - np.sqrt(after))
-    return Claim((near.at,), gates, "displaced" if instead else "not_claimed", instead, figures, "poses")
+    return Claim((near.at,), (gate,), "displaced" if instead else "not_claimed", instead, figures, "poses")
 
 
 def _closes(gap: Gap, terms: Sequence[int]) -> float:
     """Share of the gap that these terms close without any others."""
-    return float(gap.closed(gap.blocks.losses(terms), np.ones((1, len(gap.after))))[0])
+    return gap.share_closed(gap.blocks.losses(terms))

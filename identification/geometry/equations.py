@@ -211,38 +211,40 @@ def _equations_of_set(
         path = problem.paths[one.recording]
         q, v = path(one.t - delay), path(one.t - delay, 1)
     q = true_positions(q, one.load, problem.terms, estimate.values)
-    pose_errors = {
-        effect: _pose_error(problem, estimate, effect, of) for effect, of in ((BASE_POSE, None), (TOOL_POSE, one.frame))
-    }
-    base = pin.SE3(estimate.base[one.recording]) * placed(pose_errors[BASE_POSE])
-    tool = pin.SE3(estimate.tool[number]) * placed(pose_errors[TOOL_POSE])
+    base_error = _pose_error(problem, estimate, BASE_POSE, None)
+    tool_error = _pose_error(problem, estimate, TOOL_POSE, one.frame)
+    base = pin.SE3(estimate.base[one.recording]) * placed(base_error)
+    tool = pin.SE3(estimate.tool[number]) * placed(tool_error)
     x = tree_positions(problem, model, one, q)
-    residual, twists, regressor = _residuals_and_derivatives(model, one, x, base, tool)
+    residual, by_base, regressor = _residuals_and_derivatives(model, one, x, base, tool)
     motions = _joint_columns(model, regressor)
     by_pin: dict[int, Array] = {}
     if problem.loops is not None:
+        # An error moves the target directly, and through the passive joints that close the loops again.
         changes = position_sensitivities(replace(problem.loops, model=model), x)
         regressor = rounded(regressor + motions @ changes.by_place)
         for frame, moves in changes.by_pin.items():
             by_pin[frame] = rounded(_pin_columns(model, one, frame, tool) + motions @ moves)
         motions = motions @ changes.by_active
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
-    for k, kind in enumerate(kinds):
-        if kind.kind == BASE and kind.of == one.recording:
-            nuisance[:, :, k] = twists[:, :, kind.part]
-        elif kind.kind == TOOL and kind.of == number:
-            nuisance[:, kind.part, k] = 1.0
-        elif kind.kind == DELAY and kind.of == one.recording:
+    for k, unknown in enumerate(kinds):
+        if unknown.kind == BASE and unknown.of == one.recording:
+            nuisance[:, :, k] = by_base[:, :, unknown.part]
+        elif unknown.kind == TOOL and unknown.of == number:
+            nuisance[:, unknown.part, k] = 1.0
+        elif unknown.kind == DELAY and unknown.of == one.recording:
             nuisance[:, :, k] = -np.einsum("nij,nj->ni", motions, v)
-    tool_columns = np.broadcast_to(_pose_error_columns(pose_errors[TOOL_POSE]), twists.shape)
-    pose_columns = {BASE_POSE: twists @ _pose_error_columns(pose_errors[BASE_POSE]), TOOL_POSE: tool_columns}
+    pose_columns = {
+        BASE_POSE: by_base @ _pose_error_columns(base_error),
+        TOOL_POSE: np.broadcast_to(_pose_error_columns(tool_error), by_base.shape),
+    }
     columns = np.zeros((len(one.t), 6, len(problem.terms)))
     for k, term in enumerate(problem.terms):
         if term.effect not in pose_columns:
-            own = by_pin.get(term.frame)
-            columns[:, :, k] = (
-                _term_column(model, term, regressor, motions, one.load) if own is None else own[:, :, term.part]
-            )
+            if term.frame in by_pin:
+                columns[:, :, k] = by_pin[term.frame][:, :, term.part]
+            else:
+                columns[:, :, k] = _term_column(model, term, regressor, motions, one.load)
         elif term.joint in (None, one.frame):
             columns[:, :, k] = pose_columns[term.effect][:, :, term.part]
     kept = 3 if one.turn is None else 6

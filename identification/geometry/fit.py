@@ -65,11 +65,16 @@ def frame_poses(problem: PoseProblem, one: Measured) -> Float[Array, "n 4 4"]:
 def _aligned(points: Float[Array, "n 3"], measured: Float[Array, "n 3"]) -> Float[Array, "4 4"]:
     """Rigid transformation that maps points to measured points with the least sum of squared distances (Kabsch)."""
     center, measured_center = points.mean(axis=0), measured.mean(axis=0)
-    u, _, vt = np.linalg.svd((measured - measured_center).T @ (points - center))
-    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    rotation = _nearest_rotation((measured - measured_center).T @ (points - center))
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = rotation, measured_center - rotation @ center
     return out
+
+
+def _nearest_rotation(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    """The rotation with the least distance to a matrix, apart from the scale of the matrix."""
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
 
 
 def _target(frames: Float[Array, "n 4 4"], base: Float[Array, "4 4"], one: Measured) -> Float[Array, "4 4"]:
@@ -78,9 +83,7 @@ def _target(frames: Float[Array, "n 4 4"], base: Float[Array, "4 4"], one: Measu
     if one.turn is None:
         return out
     turns = np.array([pin.Quaternion(turn).toRotationMatrix() for turn in one.turn])
-    total = np.sum(np.swapaxes(base[:3, :3] @ frames[:, :3, :3], 1, 2) @ turns, axis=0)
-    u, _, vt = np.linalg.svd(total)
-    out[:3, :3] = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    out[:3, :3] = _nearest_rotation(np.sum(np.swapaxes(base[:3, :3] @ frames[:, :3, :3], 1, 2) @ turns, axis=0))
     return out
 
 
@@ -119,11 +122,13 @@ def fitted(
 
 
 def _cost(found: Equations, weights: Array, kept: Array | None) -> float:
+    """Weighted sum of squares of the residual."""
     weighted = found.residual * weights[found.series]
     return float(np.sum((weighted if kept is None else weighted[kept]) ** 2))
 
 
 def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array | None) -> Array:
+    """Gauss-Newton step of the nuisances and the chosen terms; the step of least norm if it is not unique."""
     scale = weights[found.series] * (1.0 if kept is None else kept)
     matrix = np.hstack([found.nuisance, found.columns[:, list(chosen)]]) * scale[:, None]
     norms = np.linalg.norm(matrix, axis=0)
@@ -132,7 +137,7 @@ def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array |
 
 
 def stepped(kinds: Sequence[Nuisance], estimate: Estimate, chosen: Sequence[int], step: Float[Array, " k"]) -> Estimate:
-    """The estimate after a step in the nuisances and the chosen terms."""
+    """The estimate after a step in the nuisances and the chosen terms; ``step`` has the nuisances first."""
     twists: dict[tuple[str, int], Array] = {}
     delay = list(estimate.delay)
     for kind, value in zip(kinds, step[: len(kinds)], strict=True):

@@ -80,8 +80,8 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
     terms = problem.terms
     named = [term.unit for term in terms], [_name(term) for term in terms]
     moving = np.repeat([one.moving for one in problem.sets], 2)
-    first = fitted(problem, start_of(problem), (), np.ones(2 * len(problem.sets)))
-    block = _blocks(problem, first[1])
+    estimate, found = fitted(problem, start_of(problem), (), np.ones(2 * len(problem.sets)))
+    block = _blocks(problem, found)
 
     def noise(at: _PoseFit) -> Noise:
         return noise_of(at.found, *named, moving, at.kept)
@@ -91,9 +91,9 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
         fits = set_fits(equations.columns, equations.residual, bounds_of(terms), equations.seen)
         return equations, fits, squares_by_chance(equations.rank, at.noise.degrees_of_freedom, CHANCE)
 
-    def search(at: _PoseFit, turn: int) -> tuple[_PoseFit, tuple[int, ...]]:
+    def search(at: _PoseFit, earlier_searches: int) -> tuple[_PoseFit, tuple[int, ...]]:
         at = replace(at, noise=noise(at))
-        if turn == 1:
+        if earlier_searches == 1:  # before, errors of the geometry would count as outliers
             at = replace(at, kept=_without_outliers(at.found, at.noise, at.kept))
             at = replace(at, noise=noise(at))
         return at, few_columns(*equations_at(at)[1:])
@@ -105,13 +105,15 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
         estimate, found = fitted(problem, start, chosen, at.noise.weights, at.kept)
         return replace(at, estimate=estimate, found=found)
 
-    every = np.ones(len(first[1].residual), dtype=bool)
-    at, chosen = until_same_set(_PoseFit(*first, every, noise_of(first[1], *named, moving, every)), search, recompute)
+    every = np.ones(len(found.residual), dtype=bool)
+    start = _PoseFit(estimate, found, every, noise_of(found, *named, moving, every))
+    at, chosen = until_same_set(start, search, recompute)
     at = replace(at, noise=noise(at))
     return ExplainedPoses(problem, at.estimate, at.found, at.noise, *equations_at(at), chosen, at.kept)
 
 
 def _name(term: PoseTerm) -> str:
+    """Name of a term that no other term has."""
     return f"{term.joint}.{term.effect}.{term.parameter}"
 
 
@@ -125,15 +127,16 @@ def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
 
 def _without_outliers(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
     """True for rows of poses that are no outliers; ``kept`` itself if too many poses have large residuals."""
-    size = np.abs(found.residual) / np.array([_spread(found, s) for s in range(len(noise.sigma))])[found.series]
+    sigma = np.array([_robust_deviation(found, series) for series in range(len(noise.sigma))])
+    size = np.abs(found.residual) / sigma[found.series]
     far = np.unique(found.pose[size > _OUTLIER])
     if len(far) > _MOST_OUTLIERS * len(np.unique(found.pose)):
         return kept
     return kept & ~np.isin(found.pose, far)
 
 
-def _spread(found: Equations, series: int) -> float:
-    """Standard deviation of the residual of a series from its median, which a few outliers do not change."""
+def _robust_deviation(found: Equations, series: int) -> float:
+    """Standard deviation of the residual of a series, from the median of its size, which few outliers hardly change."""
     values = np.abs(found.residual[found.series == series])
     return max(1.4826 * float(np.median(values)), 1e-300) if len(values) else 1.0
 
@@ -145,6 +148,7 @@ _ROUNDING = 1e-9  # a smaller load of a joint, relative to the largest load, is 
 COMPENSATED = "passive joints of its loop take it up, so that it moves no measured frame"
 
 Group = tuple[int, ...]
+"""Indices of the terms of one effect on one joint."""
 
 
 @dataclass(frozen=True)
@@ -169,6 +173,10 @@ class Gap:
         # all findings if this is lower, or if the loss before is below 1 already.
         end = np.where(before > 1.0, np.minimum(1.0, after_all), after_all)
         return (before - after) / np.maximum(before - end, _LEAST_GAP * before)
+
+    def share_closed(self, losses: Float[Array, " B"]) -> float:
+        """Share of the gap that a set of terms closes on all blocks, each counted once."""
+        return float(self.closed(losses, np.ones((1, len(losses))))[0])
 
 
 def drawn_blocks(gap: Gap) -> Float[Array, "R B"]:
@@ -213,19 +221,15 @@ def _finding(
     """The finding of one group of terms: sizes, share of the gap, probability and rivals."""
     terms, values = explained.problem.terms, explained.estimate.values
     without = gap.blocks.losses([k for other in groups if other != group for k in other])
-    once, drawn = np.ones((1, len(without))), drawn_blocks(gap)
-
-    def closed_by_group(weights: Array) -> Array:
-        return gap.closed(gap.after, weights) - gap.closed(without, weights)
-
-    low, high = interval(closed_by_group(drawn))
+    drawn = drawn_blocks(gap)
+    low, high = interval(gap.closed(gap.after, drawn) - gap.closed(without, drawn))
     probability, rivals = _rivals(explained, gap.blocks, group)
     return PoseFinding(
         effect=terms[group[0]].effect,
         joint=terms[group[0]].joint,
         parameters={terms[k].parameter: Number(float(values[k]), std[k], terms[k].unit) for k in group},
         share=share,
-        gap_closed=float(closed_by_group(once)[0]),
+        gap_closed=gap.share_closed(gap.after) - gap.share_closed(without),
         gap_closed_interval=(float(low), float(high)),
         probability=probability,
         rivals=rivals,
@@ -235,12 +239,10 @@ def _finding(
 
 def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
     """Share of the gap that each group closes (Shapley value)."""
-    once = np.ones((1, len(gap.after)))
 
     @cache
     def closed(inside: frozenset[Group]) -> float:
-        losses = gap.blocks.losses([k for group in groups if group in inside for k in group])
-        return float(gap.closed(losses, once)[0])
+        return gap.share_closed(gap.blocks.losses([k for group in groups if group in inside for k in group]))
 
     return shapley_values(tuple(groups), closed)
 
@@ -251,15 +253,15 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
     rest = tuple(k for k in chosen if k not in group)
     near = [group, *rivals_of(fits, chosen, group, _NEAR)]
     losses = np.array([blocks.losses((*rest, *trial)) for trial in near]).T
-    share = probabilities(losses, (np.zeros(len(near)),), lead=share_by_likelihood)
-    shares: dict[tuple[Place, ...], float] = {}
-    for trial, probability in zip(near[1:], share[1:].tolist(), strict=True):
+    own, *others = probabilities(losses, (np.zeros(len(near)),), lead=share_by_likelihood).tolist()
+    by_places: dict[tuple[Place, ...], float] = {}
+    for trial, probability in zip(near[1:], others, strict=True):
         places = _places([explained.problem.terms[k] for k in trial])
-        shares[places] = shares.get(places, 0.0) + probability
-    listed = {places: probability for places, probability in shares.items() if probability >= contract_levels.LISTED}
-    total = float(share[0]) + sum(listed.values())
-    rivals = tuple(PoseRival(places, p / total) for places, p in sorted(listed.items(), key=lambda item: -item[1]))
-    return (float(share[0]) / total if total > 0 else 1.0), rivals
+        by_places[places] = by_places.get(places, 0.0) + probability
+    listed = [(places, share) for places, share in by_places.items() if share >= contract_levels.LISTED]
+    total = own + sum(share for _, share in listed)
+    rivals = tuple(PoseRival(places, share / total) for places, share in sorted(listed, key=lambda item: -item[1]))
+    return (own / total if total > 0 else 1.0), rivals
 
 
 def _places(terms: Sequence[PoseTerm]) -> tuple[Place, ...]:
@@ -303,6 +305,7 @@ def pose_bounds(
 
 
 def _unseen(term: PoseTerm, why: str) -> UnseenTerm:
+    """A term that the poses cannot show."""
     return UnseenTerm(term.effect, term.joint, term.parameter, why)
 
 
@@ -336,4 +339,5 @@ def _is_loaded(explained: ExplainedPoses, term: PoseTerm) -> bool:
 
 
 def _moves(explained: ExplainedPoses, term: PoseTerm) -> bool:
+    """True if the joint of a term has different positions in the poses of some set."""
     return any(np.ptp(one.q[:, term.row]) > 0 for one in explained.problem.sets)

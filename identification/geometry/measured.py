@@ -113,13 +113,13 @@ def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bo
     inside = included(recording)
     smooth = smoothed(recording) if is_motion(recording) else None
     if smooth is None:
-        rows = _spread(np.flatnonzero(inside))
+        rows = _evenly_thinned(np.flatnonzero(inside))
         q = recording.q[rows]
         rest = np.zeros_like(q)
         return rows, rest, link_torque(robot, Motion(recording.t[rows], q, rest, rest)), False
     t = recording.t
     inside &= (t > t[0] + _AT_EDGE) & (t < t[-1] - _AT_EDGE)
-    rows = _spread(np.flatnonzero(inside))
+    rows = _evenly_thinned(np.flatnonzero(inside))
     at = t[rows]
 
     def at_rows(values: Array) -> Array:
@@ -140,11 +140,12 @@ def load_of(robot: Robot, recording: Recording) -> Float[Array, "n nv"]:
     smooth = smoothed(recording) if is_motion(recording) else None
     v = a = np.zeros_like(recording.q)
     if smooth is not None:
-        v, a = (interpolated(recording.t, smooth.t, of) for of in (smooth.v, smooth.a))
+        v, a = (interpolated(recording.t, smooth.t, values) for values in (smooth.v, smooth.a))
     return link_torque(robot, Motion(recording.t, recording.q, v, a))
 
 
-def _spread(rows: Array) -> Array:
+def _evenly_thinned(rows: Array) -> Array:
+    """At most `MOST` of the rows, evenly spaced."""
     if len(rows) <= MOST:
         return rows
     return rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]

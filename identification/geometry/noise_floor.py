@@ -37,16 +37,15 @@ def floor_of(explained: ExplainedPoses, series: int) -> Floor:
     one = explained.problem.sets[series // 2]
     residual = _residual(explained, series)
     if one.moving:
+        # A second difference of white noise has the variance 1 + 4 + 1 = 6, in units of the variance of the noise.
         second = residual[2:] - 2 * residual[1:-1] + residual[:-2]
-        return _floor(second**2 / 6.0, second.size / 2.0, "above_band")
+        return _floor(float(np.sqrt(np.mean(second**2) / 6.0)), second.size / 2.0, "above_band")
     groups = _repeated(one.q)
-    squares = [(residual[group] - residual[group].mean(axis=0)) ** 2 for group in groups]
+    squares = sum(float(np.sum((residual[group] - residual[group].mean(axis=0)) ** 2)) for group in groups)
     free = 3.0 * sum(len(group) - 1 for group in groups)
     if free >= _FEWEST:
-        squares = np.concatenate(squares)
-        return _floor(squares * len(squares) * 3 / free, free, "repetitions")
-    sigma, free = float(explained.noise.sigma[series]), explained.noise.degrees_of_freedom
-    return Floor(sigma, _interval(sigma, free), "predictors")
+        return _floor(float(np.sqrt(squares / free)), free, "repetitions")
+    return _floor(float(explained.noise.sigma[series]), explained.noise.degrees_of_freedom, "predictors")
 
 
 def _residual(explained: ExplainedPoses, series: int) -> Float[Array, "n 3"]:
@@ -63,16 +62,12 @@ def _repeated(q: Float[Array, "n nv"]) -> list[list[int]]:
     return [group for group in groups.values() if len(group) > 1]
 
 
-def _floor(squares: Array, free: float, source: str) -> Floor:
-    sigma = float(np.sqrt(squares.mean()))
-    return Floor(sigma, _interval(sigma, free), source)
-
-
-def _interval(sigma: float, free: float) -> tuple[float, float]:
+def _floor(sigma: float, free: float, source: str) -> Floor:
+    """The noise with its 95 % interval by the chi-squared distribution with ``free`` degrees of freedom."""
     from scipy.special import chdtri
 
     low, high = (sigma * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
-    return low, high
+    return Floor(sigma, (low, high), source)
 
 
 def depends_on_posture(explained: ExplainedPoses) -> bool:
@@ -90,22 +85,22 @@ def depends_on_posture(explained: ExplainedPoses) -> bool:
 def _is_predicted(explained: ExplainedPoses, number: int) -> bool:
     """The test of `depends_on_posture` for one set of poses."""
     one, found = explained.problem.sets[number], explained.found
-    rows = (found.series // 2 == number) & explained.kept
-    numbers = np.unique(found.pose[rows])
-    first = int(found.pose[found.series // 2 == number].min())
-    numbers = numbers[np.linspace(0, len(numbers) - 1, min(len(numbers), _POSES)).astype(int)]
+    own = found.series // 2 == number
+    poses = np.unique(found.pose[own & explained.kept])
+    poses = poses[np.linspace(0, len(poses) - 1, min(len(poses), _POSES)).astype(int)]
     weighted = found.residual / explained.noise.sigma[found.series]
-    y = np.array([weighted[(found.pose == k) & (found.series // 2 == number)] for k in numbers])
-    predict = _predictor(one.q[numbers - first])
+    y = np.array([weighted[own & (found.pose == pose)] for pose in poses])
+    predict = _predictor(one.q[poses - found.pose[own].min()])
     rng = random_stream("shuffled poses")
     total = float(np.sum(y**2))
 
-    def share(values: Array) -> float:
+    def predicted_share(values: Array) -> float:
         return 1.0 - float(np.sum((values - predict @ values) ** 2)) / max(total, 1e-300)
 
-    if share(y) < _LEAST_PREDICTED:
+    share = predicted_share(y)
+    if share < _LEAST_PREDICTED:
         return False
-    return share(y) > max(share(y[rng.permutation(len(y))]) for _ in range(_SHUFFLES))
+    return share > max(predicted_share(y[rng.permutation(len(y))]) for _ in range(_SHUFFLES))
 
 
 def _predictor(q: Float[Array, "n nv"]) -> Float[Array, "n n"]:

@@ -131,22 +131,23 @@ def _with_found_pins(loops: Loops) -> Loops:
     model, chain = loops.model, loops.chain
     q = random_stream("postures for pins").uniform(-0.7, 0.7, (_POSTURES, chain.linear_map.shape[1]))
     x = q @ chain.linear_map.T + chain.offset
-    followers = [row for row in chain.passive if row not in chain.unknowns]
-    for first, second in combinations(followers, 2):
+    by_formula = [row for row in chain.passive if row not in chain.unknowns]
+    for first, second in combinations(by_formula, 2):
         if first in loops.chain.unknowns or second in loops.chain.unknowns:
-            continue
+            continue  # a pin that was found before determines this joint
         points = _coincident_points(model, x, first, second)
         if points is not None:
             trial = _with_pin(loops, (first, second), points)
-            loops = loops if trial is None or not _is_determined(trial, x) else trial
+            if trial is not None and _is_determined(trial, x):
+                loops = trial
     return loops
 
 
 def _coincident_points(model: pin.Model, x: Float[Array, "n nt"], first: int, second: int) -> Array | None:
     """Points on the bodies of two joints [m], ``(2, 3)``, that coincide at all positions; None if there are none."""
     data, joints = model.createData(), [joint_index(model, row) for row in (first, second)]
-    if set(model.supports[joints[0]]) & {joints[1]} or set(model.supports[joints[1]]) & {joints[0]}:
-        return None
+    if joints[1] in list(model.supports[joints[0]]) or joints[0] in list(model.supports[joints[1]]):
+        return None  # one joint carries the other: any point on the axis of the outer one coincides
     matrix, right = [], []
     for configuration in configurations(model, x):
         pin.forwardKinematics(model, data, configuration)
@@ -169,7 +170,7 @@ def _with_pin(loops: Loops, rows: tuple[int, int], points: Float[Array, "2 3"]) 
     ]
     anchor = Anchor(f"pin of {links[0]} and {links[1]}", "point", ends[0], ends[1])
     inside = {model.joints[index].idx_v for index in joints_of_loop(model, anchor)}
-    own = inside & set(chain.passive) - set(chain.unknowns)
+    own = inside & (set(chain.passive) - set(chain.unknowns))
     if not own >= set(rows):
         return None
     unknowns = tuple(sorted({*chain.unknowns, *own}))
@@ -211,6 +212,7 @@ def _pin_frame(model: pin.Model, row: int, point: Float[Array, " 3"], name: str)
 
 
 def _add_frame(model: pin.Model, name: str, parent: int, placement: pin.SE3) -> int:
+    """Index of a new frame, fixed to the frame ``parent`` of the model, which is changed in place."""
     joint = model.frames[parent].parentJoint
     return model.addFrame(pin.Frame(name, joint, parent, placement, pin.FrameType.OP_FRAME), False)
 
@@ -236,6 +238,7 @@ def _link_frame(model: pin.Model, index: int) -> int:
 
 
 def _link(model: pin.Model, row: int) -> str:
+    """Name of the link that the joint whose velocity is row ``row`` moves."""
     return model.frames[_link_frame(model, joint_index(model, row))].name
 
 
@@ -323,8 +326,9 @@ def _loop_errors(at: Constraints, data: pin.Data) -> tuple[Float[Array, "m p"], 
     for anchor, rows in zip(at.anchors, at.slices, strict=True):
         kept = rows.stop - rows.start
         apart = data.oMf[anchor.frame_a].actInv(data.oMf[anchor.frame_b])
-        # Twist of the second frame relative to the first, in the axes and at the origin of the first.
+        # From a twist of the second frame in its own axes to the axes and the origin of the first.
         second = apart.toActionMatrix()
+        # From a twist at the origin of the first frame to the motion of the point where the second frame is.
         to_point = np.eye(6)
         to_point[:3, 3:] = -pin.skew(apart.translation)
         places[rows] = (to_point @ (second @ _regressor(model, data, anchor.frame_b)))[:kept]

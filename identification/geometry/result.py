@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class PoseFinding:
         joint: Name of the joint; for a ``tool_pose`` of the frame; None for a ``base_pose``.
         parameters: Estimate of each parameter, by name.
         share: Share of the gap that the finding closes (Shapley value).
-        gap_closed: Share of the gap that remains if this finding alone is left out and the others are fitted again.
+        gap_closed: Share of the gap that comes back if this finding alone is left out and the others are fitted again.
         gap_closed_interval: 95 % interval of ``gap_closed``.
         probability: Probability that this is the true cause and not a rival.
         rivals: Other causes that explain the same poses.
@@ -201,5 +201,5 @@ class GeometryResult:
     warnings: tuple[Said, ...]
     evidence: PoseEvidence | None = None
     torque_verdict: str | None = None
-    notes: tuple[Said, ...] = field(default=())
+    notes: tuple[Said, ...] = ()
     claims: tuple[Claim[tuple[str, str | None]], ...] = ()

@@ -105,7 +105,7 @@ def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measu
 
 
 def _is_far(problem: PoseProblem, one: Measured) -> bool:
-    """True if the frame is farther from its predicted position than plausible errors of base and tool explain."""
+    """True if a frame is farther from its predicted position than plausible errors of base and tool explain."""
     reached = frame_poses(problem, one)[:, :3, 3]
     shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest
     reach = float(np.linalg.norm(reached, axis=1).max())
@@ -114,10 +114,15 @@ def _is_far(problem: PoseProblem, one: Measured) -> bool:
 
 
 def _as_good(near: Equations, terms: int, free: Equations) -> bool:
-    """True if the constrained fit (near) is not significantly worse than the free one (F test)."""
+    """True if the fit with poses as stated (near) is not significantly worse than that with free poses (F test).
+
+    ``terms`` is the number of terms of the fit with poses as stated.
+    """
     from scipy.special import fdtri
 
-    of_near, of_free = float(near.residual @ near.residual), float(free.residual @ free.residual)
+    squares_near, squares_free = float(near.residual @ near.residual), float(free.residual @ free.residual)
     more, rest = max(free.nuisance.shape[1] - near.nuisance.shape[1] - terms, 1), max(len(free.residual) - 1, 1)
+    # One over the lower quantile of F(rest, more) is the upper quantile of F(more, rest).
     limit = 1.0 + more / rest / float(fdtri(rest, more, _CHANCE))
-    return of_near <= limit * of_free + 1e-24 * len(near.residual)
+    # Residuals below 1e-12 m or rad are rounding errors, as of poses that were simulated without noise.
+    return squares_near <= limit * squares_free + 1e-24 * len(near.residual)

@@ -72,6 +72,7 @@ def pose_terms(effect: str, of: str | None, parts: int = 6) -> tuple[PoseTerm, .
 
 
 def _pose_term(effect: str, joint: str | None, row: int, part: int) -> PoseTerm:
+    """The term of number ``part`` of a pose."""
     linear = part < 3
     return PoseTerm(effect, joint, row, PARTS[part], "m" if linear else "rad", part, 0.1 if linear else 0.5)
 
@@ -122,13 +123,15 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
 def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[PoseTerm, ...]]:
     """Joints that carry frames directly or through loops, and terms for the pins of these loops."""
     found, used = set(carrying), []
-    for _ in loops.chain.anchors:
+    for _ in loops.chain.anchors:  # a loop may share joints with frames only through other loops
         for one in loops.chain.anchors:
             if one not in used and joints_of_loop(loops.model, one) & found:
                 found |= joints_of_loop(loops.model, one)
                 used.append(one)
-    kept = [(frame, one) for one in used for frame in (one.frame_a, one.frame_b)]
-    parts = {frame: max(6 if one.kind == "frame" else 3 for same, one in kept if same == frame) for frame, _ in kept}
+    parts: dict[int, int] = {}
+    for one in used:
+        for frame in (one.frame_a, one.frame_b):
+            parts[frame] = max(parts.get(frame, 0), 6 if one.kind == "frame" else 3)
     named = dict(zip(loops.pins, loops.names, strict=True))
     pins = (replace(_pose_term(LINK, named[frame], -1, k), frame=frame) for frame in parts for k in range(parts[frame]))
     return found, tuple(pins)

@@ -115,6 +115,7 @@ def noise_of(
 
 
 def _rms(values: Array) -> float:
+    """RMS of values; zero if there are none."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
