@@ -83,6 +83,7 @@ def largest_slope(robot: Robot) -> Float[Array, "np nv"]:
 
 
 def _start(robot: Robot) -> Float[Array, " nv"]:
+    """Start posture of a chain [rad or m]; zeros for a robot without loops."""
     return np.zeros(robot.nv) if robot.chain is None else robot.chain.start[list(robot.chain.active)]
 
 

@@ -82,13 +82,25 @@ def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
 def distances(
     model: pin.Model, collisions: Collisions, configuration: Float[Array, "N nq"], *, slopes: bool
 ) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
-    """Distance of each pair [m], negative for overlap, and derivatives of small distances by the tree's positions."""
+    """Distance of each pair [m], negative for overlap, and derivatives of small distances by the tree's positions.
+
+    Args:
+        model: The tree.
+        collisions: Shapes with their pairs.
+        configuration: Pinocchio's configurations, shape ``(N, nq)``.
+        slopes: True to compute derivatives.
+
+    Returns:
+        Distances, and their derivatives (None without ``slopes``), which are zero for distances without effect.
+    """
     shapes = collisions.shapes
     data, placed = model.createData(), shapes.createData()
     pairs = [(pair.first, pair.second) for pair in shapes.collisionPairs]
     joints = [shape.parentJoint for shape in shapes.geometryObjects]
     out = np.empty((len(configuration), len(pairs)))
-    near: list[tuple[int, int, float]] = []  # sample, pair, and sign of the body that moves
+    # Sample, pair, and sign of one body of the pair: its motion along the normal, from the first body to the second,
+    # reduces the distance if it is the first body, and increases the distance if it is the second.
+    near: list[tuple[int, int, float]] = []
     points, normals, jacobians = [], [], []
     for k, q in enumerate(configuration):
         pin.computeDistances(model, data, shapes, placed, q)
@@ -143,12 +155,12 @@ def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
             a, b = joints[i], joints[j]
             if a != b and model.parents[a] != b and model.parents[b] != a:
                 shapes.addCollisionPair(pin.CollisionPair(i, j))
-    q = random_stream("postures that may collide").uniform(-np.pi, np.pi, (_POSTURES, robot.nv))
-    linear = np.asarray(robot.prismatic)
-    q[:, linear] *= 0.1
-    q = np.clip(q, *position_limits(robot))
-    numeric = solved_numerically(robot)
-    reached = configurations_in(robot, ordinary_postures(robot)) if numeric else robot.configuration(q)
+    if solved_numerically(robot):
+        reached = configurations_in(robot, ordinary_postures(robot))
+    else:
+        q = random_stream("postures that may collide").uniform(-np.pi, np.pi, (_POSTURES, robot.nv))
+        q[:, np.asarray(robot.prismatic)] *= 0.1
+        reached = robot.configuration(np.clip(q, *position_limits(robot)))
     touching = distances(model, Collisions(shapes), reached, slopes=False)[0] < 0
     for pair, often in zip(list(shapes.collisionPairs), touching.mean(axis=0) > _TOUCHING_BY_DESIGN, strict=True):
         if often:

@@ -49,9 +49,9 @@ class Penalty:
 class _Cost:
     """Cost of weights for a line search, defined even for weights with which a closed chain cannot be closed.
 
-    For such weights the cost is that of a parabola along the line. The parabola has the cost and derivative of the
-    start of the line, and its minimum at a quarter of the step, so that the line search tries this point next. With a
-    very large cost instead, the line search would take a tiny step, and the descent would end.
+    Where the chain cannot be closed, the cost is that of a parabola along the line. The parabola has the cost and
+    derivative of the start of the line, and its minimum at a quarter of the step, so that the line search tries this
+    point next. With a very large cost instead, the line search would take a tiny step, and the descent would end.
     """
 
     def __init__(self, cost: Callable[[Array], tuple[float, Array]], x: Array):
@@ -132,7 +132,7 @@ def descend(
         values = problem.limited(motion, problem.regressor(motion))
         multipliers = penalty.updated(values)
         excess = max(0.0, float(penalty.bounds.excess(values).max()))
-        progress(Announcement(Stage.DESCENT, number + 1, rounds, {"cost": cost.value, "excess": float(excess)}))
+        progress(Announcement(Stage.DESCENT, number + 1, rounds, {"cost": cost.value, "excess": excess}))
     return weights
 
 
@@ -140,7 +140,6 @@ POSTURES = 300
 """Number of random postures that are tried."""
 SHARES = tuple(np.geomspace(1.0, 1e-3, 41).tolist())
 """Relative sizes of a motion about its posture that are tried in turn, in steps of 16 %."""
-
 _DESCENTS = 6  # number of postures from which a descent starts if no random posture keeps the limits
 # A grid with two samples and only the constant shape, for postures at rest.
 _STILL = Grid(np.array([0.0, 1.0]), np.stack([np.ones((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))]))
@@ -201,7 +200,8 @@ def random_motion(
         rng: Random numbers for the weights of the shapes and the relative speeds of the joints.
     """
     moving = random_weights(problem, grid, rng)
-    return largest_within_limits(problem, grid, constant_weights(posture, len(moving)) + moving, posture)
+    still = constant_weights(posture, len(moving))
+    return nearest_within_limits(problem, grid, still + moving, still)
 
 
 def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator) -> Float[Array, "K nv"]:
@@ -213,6 +213,7 @@ def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator)
         rng: Random numbers for the weights and the shares.
     """
     moving = rng.normal(size=(grid.values.shape[2], problem.robot.nv))
+    # The constant shape makes the mean position zero, so that the motion is about its posture.
     moving[0] = 0.0
     moving[0] = -(grid.values[0] @ moving).mean(axis=0)
     speed, acceleration = (np.abs(grid.values[k] @ moving).max(axis=0) for k in (1, 2))
@@ -220,25 +221,24 @@ def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator)
     return moving * most * rng.uniform(0.3, 1.0, problem.robot.nv)
 
 
-def largest_within_limits(
-    problem: DesignProblem,
-    grid: Grid,
-    weights: Float[Array, "K nv"],
-    posture: Float[Array, " nv"],
-    shares: tuple[float, ...] = SHARES,
-) -> Float[Array, "K nv"]:
-    """The given motion, made smaller about a posture until it keeps all limits; if none does, the posture at rest."""
-    return farthest_within_limits(problem, grid, weights, constant_weights(posture, len(weights)), shares)
-
-
-def farthest_within_limits(
+def nearest_within_limits(
     problem: DesignProblem,
     grid: Grid,
     weights: Float[Array, "K nv"],
     kept: Float[Array, "K nv"],
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
-    """The motion on the line from ``kept`` to ``weights`` that is nearest to ``weights`` and keeps all limits."""
+    """The motion on the line from ``kept`` to ``weights`` that is nearest to ``weights`` and keeps all limits.
+
+    If ``kept`` is a posture at rest, the result is the given motion, made smaller about this posture.
+
+    Args:
+        problem: The problem with the limits.
+        grid: Samples at which limits are checked.
+        weights: Weights of the given motion.
+        kept: Weights of a motion that keeps the limits.
+        shares: Places on the line that are tried in turn, from 1 at ``weights`` towards 0 at ``kept``.
+    """
     for share in shares:
         between = kept + share * (weights - kept)
         if worst_excess(problem, grid.motion(between)).max() <= 0:

@@ -111,6 +111,7 @@ def earlier_factor(robot: Robot, motions: Iterable[Motion]) -> Float[Array, "k p
 
 
 def _noise(robot: Robot, noise: float | Sequence[float] | None) -> Float[Array, " nv"]:
+    """Torque noise of each joint [N m or N], after a check; 1 if none is given."""
     values = np.atleast_1d(np.asarray(1.0 if noise is None else noise, dtype=float))
     if values.shape not in ((1,), (robot.nv,)) or not (np.isfinite(values) & (values > 0)).all():
         raise ParameterError(
@@ -184,6 +185,7 @@ class DesignProblem:
 
     @cached_property
     def _viscous(self) -> Float[Array, " nt"]:
+        """Coefficient of viscous friction of each joint of the tree."""
         return tree_friction(self.robot)[0]
 
     def _drive_torque(self, tree: TreeMotion) -> Float[Array, "N nt"]:
@@ -206,6 +208,7 @@ class DesignProblem:
     def _limited(
         self, motion: Motion, W: Float[Array, "N nv p"], *, slopes: bool
     ) -> tuple[Float[Array, "N m"], Float[Array, "N l nt"] | None]:
+        """All limited quantities, and derivatives of the last ``l`` (frames and bodies) by the tree's positions."""
         tree = tree_motion(self.robot, motion)
         tau = W @ standard_parameters(self.robot) + project(tree.G, self._drive_torque(tree))
         parts = [tree.q, tree.v, motion.a, tau, singularity_distance(self.robot, motion)]
@@ -287,17 +290,16 @@ class JointSizes:
 def joint_sizes(problem: DesignProblem) -> JointSizes:
     """Sizes of the joints from their limits.
 
-    If a joint can turn further than one turn, its range is one turn about zero; in a closed chain that is solved
-    numerically, one turn about the start posture.
+    If the limits allow more than one turn, the range is one turn: about zero, or about the start posture of a closed
+    chain that is solved numerically.
     """
     rows, limits = list(problem.robot.tree_rows), problem.limits
     reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])
     lower, upper = limits.lower[rows], limits.upper[rows]
     chain = problem.robot.chain
     near = chain.start[rows] if chain is not None and solved_numerically(problem.robot) else 0.0
-    middle = np.clip(
-        near, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2)
-    )
+    room = np.minimum(reach, (upper - lower) / 2)
+    middle = np.clip(near, lower + room, upper - room)
     half = np.minimum(np.minimum(upper - middle, middle - lower), reach)
     speed = np.minimum(limits.velocity[rows], np.where(problem.robot.prismatic, 10.0, 100.0))
     return JointSizes(middle, half, speed)

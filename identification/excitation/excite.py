@@ -18,9 +18,8 @@ from identification.excitation.descent import (
     SHARES,
     constant_weights,
     descend,
-    farthest_within_limits,
     feasible_postures,
-    largest_within_limits,
+    nearest_within_limits,
     random_motion,
     random_weights,
 )
@@ -162,10 +161,11 @@ def excite(
         weights = random_motion(problem, grid, posture, rng)
         tried.append((criterion_of(problem, grid, weights), weights, posture))
     _, start, posture = min(tried, key=lambda one: one[0])
-    start = largest_within_limits(problem, dense, start, posture)
-    _require_motion(problem, dense, start, posture)
+    still = constant_weights(posture, len(start))
+    start = nearest_within_limits(problem, dense, start, still)
+    _require_motion(problem, dense, start, still)
     designed = descend(problem, grid, start, progress=progress)
-    found = [start, *_smaller_motions(problem, dense, designed, start, posture)]
+    found = [start, *_smaller_motions(problem, dense, designed, start, still)]
     for finer in _FINER:
         # No finer descent is needed if the criterion is nearly as good with the limits kept between the samples.
         lost = min(criterion_of(problem, grid, one) for one in found) - criterion_of(problem, grid, designed)
@@ -173,7 +173,7 @@ def excite(
             break
         finer_grid = Grid.of(shapes, finer * shapes.samples)
         designed = descend(problem, finer_grid, designed, rounds=4, first=4, iterations=25)
-        found += _smaller_motions(problem, dense, designed, start, posture)
+        found += _smaller_motions(problem, dense, designed, start, still)
     weights = min(found, key=lambda one: criterion_of(problem, grid, one))
     motion = dense.motion(weights)
     W = problem.regressor(motion)
@@ -204,7 +204,7 @@ def _smaller_motions(
     dense: Grid,
     weights: Float[Array, "K nv"],
     start: Float[Array, "K nv"],
-    posture: Float[Array, " nv"],
+    still: Float[Array, "K nv"],
 ) -> tuple[Float[Array, "K nv"], Float[Array, "K nv"]]:
     """Two motions near the given one that keep every limit at the samples of the check.
 
@@ -213,19 +213,19 @@ def _smaller_motions(
     singularity between the two postures.
     """
     return (
-        largest_within_limits(problem, dense, weights, posture, _REPAIRS),
-        farthest_within_limits(problem, dense, weights, start, _REPAIRS),
+        nearest_within_limits(problem, dense, weights, still, _REPAIRS),
+        nearest_within_limits(problem, dense, weights, start, _REPAIRS),
     )
 
 
 def _require_motion(
-    problem: DesignProblem, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
+    problem: DesignProblem, dense: Grid, weights: Float[Array, "K nv"], still: Float[Array, "K nv"]
 ) -> None:
     """Raise an error if the start does not move, because even the smallest motion about its posture exceeds a limit."""
     if np.abs(dense.motion(weights).v).max() > 0:
         return
     rng = random_stream("sizes of a design")
-    motion = dense.motion(constant_weights(posture, len(weights)) + SHARES[-1] * random_weights(problem, dense, rng))
+    motion = dense.motion(still + SHARES[-1] * random_weights(problem, dense, rng))
     values = problem.limited(motion, problem.regressor(motion))
     raise ParameterError(
         f"{problem.robot.name} can rest within its limits, but no motion about that posture keeps them: in a small one "

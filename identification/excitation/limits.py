@@ -8,13 +8,13 @@ refused. The limited quantities of one sample are put in one row, and `Bounds` h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from identification.excitation.closable import CLEAR, largest_slope, solved_numerically
-from identification.excitation.collisions import CLEARANCE, Collisions, distances
+from identification.excitation.collisions import Collisions, distances
 from phantom_dyn.array_types import Array, Bool, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
@@ -54,15 +54,11 @@ def stated_limits(robot: Robot) -> StatedLimits:
     model = robot.model
     joints = list(model.joints)[1:]
     names = tuple(model.names)[1:]
-    single = [joint.nq == 1 for joint in joints]
-    lower = np.array(
-        [model.lowerPositionLimit[j.idx_q] if one else -np.inf for j, one in zip(joints, single, strict=True)]
-    )
-    upper = np.array(
-        [model.upperPositionLimit[j.idx_q] if one else np.inf for j, one in zip(joints, single, strict=True)]
-    )
-    lower[~(np.abs(lower) < _UNLIMITED)] = -np.inf
-    upper[~(np.abs(upper) < _UNLIMITED)] = np.inf
+    single = np.array([joint.nq == 1 for joint in joints])  # continuous joints have nq = 2
+    rows = [joint.idx_q for joint in joints]
+    low, high = np.array(model.lowerPositionLimit)[rows], np.array(model.upperPositionLimit)[rows]
+    lower = np.where(single & (np.abs(low) < _UNLIMITED), low, -np.inf)
+    upper = np.where(single & (np.abs(high) < _UNLIMITED), high, np.inf)
     torque = stated_torque_limits(robot)
     notes = []
     for name, low, high in zip(names, lower, upper, strict=True):
@@ -149,7 +145,7 @@ class Limits(ReadOnlyArrays):
     torque: Float[Array, " nv"]
     boxes: tuple[FrameBox, ...] = ()
     collisions: Collisions | None = None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     clear: float = CLEAR
 
     def __post_init__(self):
@@ -204,13 +200,11 @@ def limits_of(
     speed[active] = np.minimum(speed[active], wanted)
     linear = stated.linear
     unlimited = ~np.isfinite(speed)
-    unlimited[[row for row in range(len(speed)) if row not in active]] = False  # passive joints need no limit
+    unlimited[np.setdiff1d(np.arange(len(speed)), active)] = False  # passive joints need no limit
     if unlimited.any():
         names = ", ".join(stated.names[row] for row in np.flatnonzero(unlimited))
         kept = " and ".join(
-            f"{SPEED[kind]:g} {unit}"
-            for kind, unit in ((False, "rad/s"), (True, "m/s"))
-            if (linear == kind)[unlimited].any()
+            f"{SPEED[kind]:g} {unit}" for kind, unit in ((False, "rad/s"), (True, "m/s")) if kind in linear[unlimited]
         )
         notes.append(
             f"The robot states no velocity limit of {names}: {kept} is used; give another velocity to change it."
@@ -236,8 +230,8 @@ def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -
     values = np.atleast_1d(np.asarray(value, dtype=float))
     if values.shape not in ((1,), (robot.nv,)):
         raise ParameterError(
-            f"{values.size} values of {name} were given for {robot.nv} joint{'s' * (robot.nv > 1)}: give one, or one "
-            f"for each of {', '.join(robot.joint_names)}."
+            f"{values.size} values of {name} were given for {robot.nv} {'joint' if robot.nv == 1 else 'joints'}: give "
+            f"one, or one for each of {', '.join(robot.joint_names)}."
         )
     if not (values > 0).all():
         article = "An" if name[0] in "aeiou" else "A"
@@ -247,7 +241,7 @@ def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -
 
 NEAR = 0.01
 """A limit counts as reached if a value is closer to the bound than this share of the bound's size."""
-_SINGULAR = "distance of the loops from a singularity"
+
 _DISTANCE_SIZE = 0.1  # unit of the excess of a distance between bodies [m]
 
 
@@ -311,7 +305,6 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
     """
     tree = tuple(robot.model.names)[1:]
     units = ["m" if linear else "rad" for linear in linear_joints(robot.model)]
-    active = [units[row] for row in robot.tree_rows]
     shapes = (len(limits.lower), len(limits.velocity), len(limits.acceleration), len(limits.torque))
     if shapes != (len(tree), len(tree), robot.nv, robot.nv):
         raise ParameterError(f"The limits are not those of {robot.name}: make them with limits_of for this robot.")
@@ -322,38 +315,44 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
                 f"The drive of {name} gives {limit:.4g}, and its modelled Coulomb friction alone takes "
                 f"{limit - usable_torque:.4g}: correct torque_limit or the friction of the robot file."
             )
+    speeds = [f"{unit}/s" for unit in units]
+    accelerations = [f"{units[row]}/s^2" for row in robot.tree_rows]
     parts = [
-        ("position", tree, units, limits.lower, limits.upper),
-        ("velocity", tree, [f"{unit}/s" for unit in units], -limits.velocity, limits.velocity),
-        ("acceleration", robot.joint_names, [f"{u}/s^2" for u in active], -limits.acceleration, limits.acceleration),
-        ("torque", robot.joint_names, list(robot.torque_units), -usable, usable),
+        _of_joints("position", tree, units, limits.lower, limits.upper),
+        _of_joints("velocity", tree, speeds, -limits.velocity, limits.velocity),
+        _of_joints("acceleration", robot.joint_names, accelerations, -limits.acceleration, limits.acceleration),
+        _of_joints("torque", robot.joint_names, robot.torque_units, -usable, usable),
     ]
-    labels = [f"{what} of {name}" for what, names, *_ in parts for name in names]
-    named = [unit for _, _, units_of, *_ in parts for unit in units_of]
-    lower, upper = [part[3] for part in parts], [part[4] for part in parts]
     if solved_numerically(robot):
-        labels.append(_SINGULAR)
-        named.append("")
-        lower.append(np.array([limits.clear]))
-        upper.append(np.array([np.inf]))
+        clear = np.array([limits.clear])
+        parts.append(Bounds(("distance of the loops from a singularity",), ("",), clear, np.array([np.inf]), clear))
     for box in limits.boxes:
-        labels += [f"{axis} of frame {box.frame}" for axis in "xyz"]
-        named += ["m"] * 3
-        lower.append(box.lower)
-        upper.append(box.upper)
-    pairs = limits.collisions.names if limits.collisions is not None else ()
-    labels += [f"distance of {pair}" for pair in pairs]
-    named += ["m"] * len(pairs)
-    lower.append(np.full(len(pairs), limits.collisions.clearance if limits.collisions is not None else CLEARANCE))
-    upper.append(np.full(len(pairs), np.inf))
-    low, high = np.concatenate(lower), np.concatenate(upper)
-    with np.errstate(invalid="ignore"):
-        half = (high - low) / 2
-    size = np.where(np.isfinite(half), half, 1.0)
-    if _SINGULAR in labels:
-        size[labels.index(_SINGULAR)] = limits.clear
-    size[len(size) - len(pairs) :] = _DISTANCE_SIZE
-    return Bounds(tuple(labels), tuple(named), low, high, size)
+        axes = tuple(f"{axis} of frame {box.frame}" for axis in "xyz")
+        parts.append(Bounds(axes, ("m",) * 3, box.lower, box.upper, _half_range(box.lower, box.upper)))
+    if limits.collisions is not None:
+        pairs = tuple(f"distance of {pair}" for pair in limits.collisions.names)
+        each = np.ones(len(pairs))
+        clearance = limits.collisions.clearance * each
+        parts.append(Bounds(pairs, ("m",) * len(pairs), clearance, np.inf * each, _DISTANCE_SIZE * each))
+    return Bounds(
+        tuple(label for part in parts for label in part.labels),
+        tuple(unit for part in parts for unit in part.units),
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("lower", "upper", "size")),
+    )
+
+
+def _of_joints(
+    what: str, names: Sequence[str], units: Sequence[str], lower: Float[Array, " j"], upper: Float[Array, " j"]
+) -> Bounds:
+    """Bounds of one quantity, such as ``position``, of several joints."""
+    labels = tuple(f"{what} of {name}" for name in names)
+    return Bounds(labels, tuple(units), lower, upper, _half_range(lower, upper))
+
+
+def _half_range(lower: Float[Array, " j"], upper: Float[Array, " j"]) -> Float[Array, " j"]:
+    """Half of each range; 1 without a lower or an upper bound."""
+    half = (upper - lower) / 2
+    return np.where(np.isfinite(half), half, 1.0)
 
 
 def _coulomb(robot: Robot) -> Float[Array, " nv"]:

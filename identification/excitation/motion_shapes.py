@@ -215,6 +215,7 @@ class TrianglesAndSines:
         return _from_rest(self._parts(t), self._parts(_ends(self)))
 
     def _parts(self, t: Array) -> Array:
+        """Position, velocity and acceleration of each sine, cosine and triangle, ``(3, N, M)``."""
         waves = [self._triangle(k).motion(t) for k in range(1, self.triangles + 1)]
         return np.concatenate([_harmonics(t, self.duration, self.harmonics), np.stack(waves, axis=2)], axis=2)
 
@@ -225,6 +226,7 @@ class TrianglesAndSines:
 
 
 def _ends(shapes: Shapes) -> Float[Array, "2"]:
+    """Times of begin and end [s]."""
     return np.array([0.0, shapes.duration])
 
 
@@ -240,9 +242,11 @@ def _harmonics(t: Array, duration: float, harmonics: int) -> Array:
 
 def _from_rest(parts: Float[Array, "3 N M"], at_ends: Float[Array, "3 2 M"]) -> Float[Array, "3 N K"]:
     """The constant shape, and orthonormal combinations of ``parts`` that are at rest at both ends."""
-    moving = at_ends[1:].reshape(4, -1)
-    size = np.linalg.norm(moving, axis=1, keepdims=True)
-    _, singular, rows = np.linalg.svd(moving / np.where(size > 0, size, 1.0))
+    # At rest, velocity and acceleration are zero at both ends: four conditions on the weights of the parts. Weights
+    # that keep them are the null space of the matrix of the conditions, which the SVD yields.
+    conditions = at_ends[1:].reshape(4, -1)
+    size = np.linalg.norm(conditions, axis=1, keepdims=True)
+    _, singular, rows = np.linalg.svd(conditions / np.where(size > 0, size, 1.0))
     rank = int((singular > 1e-9).sum())  # a periodic family has the same conditions at both ends
     constant = np.zeros((3, parts.shape[1], 1))
     constant[0] = 1.0

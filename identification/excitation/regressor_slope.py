@@ -64,7 +64,9 @@ def regressor_slope(
     joints, counts = np.zeros((count, count), dtype=np.int64), np.zeros(count, dtype=np.int64)
     for b in range(1, count):
         before = counts[parents[b]]
-        joints[b, :before], joints[b, before], counts[b] = joints[parents[b], :before], b - 1, before + 1
+        joints[b, :before] = joints[parents[b], :before]
+        joints[b, before] = b - 1
+        counts[b] = before + 1
     rotations = np.array([place.rotation for place in model.jointPlacements])
     translations = np.array([place.translation for place in model.jointPlacements])
     twists = np.array([np.zeros(6), *(_twist(model, b) for b in range(1, count))])
@@ -132,7 +134,7 @@ def inner(x: Array, f: Array) -> float:
 
 @inlined
 def write_rotation(twist: Array, angle: float, R: Array) -> None:
-    """Write the rotation about the axis of a twist, which has unit length; the identity for zero length."""
+    """Write the rotation about the axis of a twist, a unit vector; the identity for a linear joint, without an axis."""
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = twist[3], twist[4], twist[5]
     d = 1.0 - c

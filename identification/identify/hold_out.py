@@ -131,6 +131,7 @@ def caution(split: Split) -> tuple[str, ...]:
 
 
 def _count(logs: tuple[Log, ...]) -> int:
+    """Number of independent samples of several logs."""
     return sum(int(log.valid_in_band.sum()) for log in logs)
 
 
@@ -218,7 +219,7 @@ def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ..
         log_torques = [log.tau, fit.predict(fitted, log.motion), inverse_dynamics(given, log.motion)]
         torques.append([Regressor.in_band(log, values) for values in log_torques])
         t = log.motion.t[log.samples][log.valid_in_band]
-        # The first recording keeps its times. Each further one is shifted to follow after a gap.
+        # The first recording keeps its times. Each other one is shifted, so that it begins after a gap.
         shift = start - t[0] if times and len(t) else 0.0
         times.append(t + shift)
         if len(t):
@@ -240,11 +241,10 @@ def _densities(
 ) -> tuple[Float[Array, " F"], Float[Array, "F nv"], Float[Array, "F nv"]]:
     """Frequencies, and amplitude densities of measured torque and residual, averaged over all long enough stretches."""
     nv = pieces[0][1].shape[1] // 2
-    longest = max(len(piece) for _, piece in pieces)
+    rate, longest = max(((rate, len(piece)) for rate, piece in pieces), key=lambda one: one[1])
     length = min(_LONGEST, longest // 2 if longest >= 2 * _SHORTEST else longest)
     if length < _SHORTEST:
         return np.zeros(0), np.zeros((0, nv)), np.zeros((0, nv))
-    rate = pieces[int(np.argmax([len(piece) for _, piece in pieces]))][0]
     power, weight, f = 0.0, 0, np.zeros(0)
     for piece_rate, piece in pieces:
         # A stretch with another sample rate would have other frequencies.

@@ -76,6 +76,7 @@ def json_text(found: IdentifiedModel, *, run: str = "") -> str:
 
 
 def _parameter(parameter: Parameter) -> dict[str, Json]:
+    """Entry of one parameter."""
     return {
         "name": parameter.name,
         "value": _number(parameter.value),
@@ -89,6 +90,7 @@ def _parameter(parameter: Parameter) -> dict[str, Json]:
 
 
 def _export(export: Export) -> dict[str, Json]:
+    """Entry of one model file."""
     return {
         "file": export.file,
         "written": bool(export.text),

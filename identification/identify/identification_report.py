@@ -140,6 +140,7 @@ def _row(parameter: Parameter) -> tuple[str, str, str, bool, str, str]:
 
 
 def _joint_views(found: IdentifiedModel) -> list[JointView]:
+    """The joints with figures, in the order of the robot; the figures of the largest errors are unfolded."""
     if len(found.evidence.t) < 2:
         return []
     errors = np.nan_to_num([joint.relative for joint in found.joints])

@@ -26,9 +26,8 @@ def error_percent(share: float) -> str:
 def headline(found: IdentifiedModel) -> str:
     """A sentence on the number of estimated parameters and on how well they predict held-out data."""
     sure = sum(parameter.identified for parameter in (*found.base, *found.others))
-    before, after = (
-        np.array([getattr(joint, name) for joint in found.joints], dtype=float) for name in ("given", "relative")
-    )
+    before = np.array([joint.given for joint in found.joints])
+    after = np.array([joint.relative for joint in found.joints])
     head = f"{found.rank} parameters were estimated, {sure} of them more than two standard deviations from zero"
     if not np.isfinite(after).any():
         return f"{head}."

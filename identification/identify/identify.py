@@ -66,11 +66,11 @@ from phantom_dyn.model.robot import Robot
 MISSED = 0.3
 """Relative error on held-out data above which a joint's parameters count as not reliable."""
 
-# An effect on two joints is named only if it reduces the error of an unreliable joint of the two to this share, ...
-_MENDS = 0.5
-# ... and if it increases no joint's error by more than this factor, which allows for chance.
-_HARMS = 1.5
-# Largest number of unreliable joints, and of effects on two joints, that are examined; the worst and the best first.
+# A warning names an effect on two joints only if it reduces the error of an unreliable joint of the two to this share.
+_REDUCED = 0.5
+# It must not increase the error of any joint by more than this factor, which allows for chance.
+_INCREASED = 1.5
+# Largest number of unreliable joints (worst first), and of effects on two joints (best first), that are examined.
 _MOST = 4
 
 
@@ -115,8 +115,8 @@ def shared_effects(
             continue
         errors = _held_out(robot, split, one.fit)
         rows = [robot.joint_names.index(joint) for joint in one.joints]
-        mends = any(errors[j] <= _MENDS * before[j] for j in rows if robot.joint_names[j] in worst)
-        if mends and not np.any(errors > _HARMS * before):
+        reduced = any(errors[j] <= _REDUCED * before[j] for j in rows if robot.joint_names[j] in worst)
+        if reduced and not np.any(errors > _INCREASED * before):
             out.append(Shared(one.effect, one.joints, (float(errors[rows[0]]), float(errors[rows[1]]))))
     return tuple(out)
 
@@ -134,15 +134,18 @@ class _Tried:
 def _tried(robot: Robot, split: Split, effects: Sequence[EffectOnJoint], worst: Sequence[str]) -> list[_Tried]:
     """Fits of every effect on every pair with one of the worst joints; for several shapes, only the best fit."""
     operation = Operation.of(robot, split.train[0].motion, split.train[0].tau)
+    on_pairs = [effect for effect in effects_of(robot) if effect.scope == "pair"]
     out = []
-    for effect in effects_of(robot):
-        for place in effect.places(robot) if effect.scope == "pair" else ():
+    for effect in on_pairs:
+        for place in effect.places(robot):
             first, _, second = (place or "").partition("+")
-            if {first, second} & set(worst) and effect.untestable(robot, operation, place) is None:
-                shapes = effect.shapes(robot, operation, place)
-                fits = [_fit(robot, split, (*effects, (effect, place, shape))) for shape in shapes]
-                found = [_Tried(effect, (first, second), fit, _score(fit)) for fit in fits if fit is not None]
-                out += sorted(found, key=lambda one: one.score)[:1]
+            if {first, second}.isdisjoint(worst) or effect.untestable(robot, operation, place) is not None:
+                continue
+            shapes = effect.shapes(robot, operation, place)
+            fits = [_fit(robot, split, (*effects, (effect, place, shape))) for shape in shapes]
+            found = [_Tried(effect, (first, second), fit, _score(fit)) for fit in fits if fit is not None]
+            if found:
+                out.append(min(found, key=lambda one: one.score))
     return out
 
 
@@ -256,7 +259,16 @@ def identify(
     files = without_worse_files(files, robots_in_files(full, robot), robot, split.test, split.cutoff_hz)
     base, others = parameters(fit)
     every = (*recordings, *hold_out)
-    lacking = not_excited(fit.base, excited)
+    warnings = (
+        *fault_warnings(every),
+        *missed_sentences(errors, shared),
+        *robot.warnings,
+        *(sentence(finding) for recording in every for finding in recording.said),
+        *_lacking_excitation(fit, excited.rank, not_excited(fit.base, excited)),
+        *caution(split),
+        *(one.sentence for one in fit.cautions if one.about is not About.SEPARATION),
+        *([full.words] if not full.possible or full.moved > _FAR else []),
+    )
     return IdentifiedModel(
         robot=robot.name if robot.source == "" else Path(robot.source).name,
         recordings=tuple(Path(recording.file).name for recording in every),
@@ -277,20 +289,7 @@ def identify(
         departure=tuple(_departure(full, fitted, fit, split.test).tolist()),
         full_words=full.words,
         exports=files,
-        warnings=tuple(
-            dict.fromkeys(
-                (
-                    *fault_warnings(every),
-                    *missed_sentences(errors, shared),
-                    *robot.warnings,
-                    *(sentence(finding) for recording in every for finding in recording.said),
-                    *_lacking_excitation(fit, excited.rank, lacking),
-                    *caution(split),
-                    *(one.sentence for one in fit.cautions if one.about is not About.SEPARATION),
-                    *([full.words] if not full.possible or full.moved > _FAR else []),
-                )
-            )
-        ),
+        warnings=tuple(dict.fromkeys(warnings)),
         evidence=evidence,
         seconds=time.perf_counter() - started,
         version=__version__,

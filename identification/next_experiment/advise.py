@@ -1,15 +1,14 @@
 # pyright: reportAttributeAccessIssue=false
 """Proposes the recording that separates the rivals of a diagnosis best.
 
-Motions are scored by how well they separate rivals (T-optimal design), each as the robot is, with a known mass, or with
-softer gains. A known mass separates effects on the whole torque from effects on one body. Softer position controllers
-separate delays from friction. The proposal is a sentence and a reference motion.
+Motions are scored by how well they separate rivals (T-optimal design): motions of the robot as it is, with a known
+mass, or with softer gains. A known mass separates effects on the whole torque from effects on one body. Softer position
+controllers separate delays from friction. The proposal is a sentence and a reference motion.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -114,7 +113,8 @@ def simulated_tracking(robot: Robot, reference: Motion, share: float) -> Motion 
     stated = [controller for controller in controllers if controller is not None and controller.kp > 0]
     if not controllers or len(stated) < len(controllers):
         return None
-    kp, kd = (share * np.array(gains) for gains in ([c.kp for c in stated], [c.kd for c in stated]))
+    kp = share * np.array([controller.kp for controller in stated])
+    kd = share * np.array([controller.kd for controller in stated])
     law = position_control(reference.t, reference.q, np.zeros_like(reference.q), kp=kp, kd=kd)
     instant = replace(robot, torque_hold="instant")
     try:
@@ -178,16 +178,11 @@ def ranked_trials(
             trials.insert(0, other)
     if (trials[0].power >= rules.SEPARATED).all():
         return tuple(trials)
-    changed = (
-        *islice(
-            _feasible(loaded_trial(trial.candidate, robot, limits, recording, rivalries) for trial in trials), _CHANGED
-        ),
-        *islice(
-            _feasible(softer_trial(trial.candidate, robot, limits, recording, rivalries) for trial in trials), _CHANGED
-        ),
-    )
-    more = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
-    return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
+    loaded = (loaded_trial(trial.candidate, robot, limits, recording, rivalries) for trial in trials)
+    softer = (softer_trial(trial.candidate, robot, limits, recording, rivalries) for trial in trials)
+    changed = (*islice(filter(None, loaded), _CHANGED), *islice(filter(None, softer), _CHANGED))
+    better = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
+    return (*sorted(better, key=lambda trial: trial.worth, reverse=True), *trials)
 
 
 def _is_best(trials: list[Trial]) -> bool:
@@ -244,9 +239,10 @@ def trial_of(
         motion: Motion of the robot, if it differs from the candidate.
     """
     planned = recording.products(candidate.motion(recording.band.rate_hz) if motion is None else motion, robot)
-    each = [separation(rivalry, planned) for rivalry in rivalries]
-    power, gain = (np.concatenate(values) for values in ([one.power for one in each], [one.gain for one in each]))
-    return Trial(candidate, mass, gains, power, gain, float(np.mean([one.resolved for one in each])))
+    separations = [separation(rivalry, planned) for rivalry in rivalries]
+    power = np.concatenate([one.power for one in separations])
+    gain = np.concatenate([one.gain for one in separations])
+    return Trial(candidate, mass, gains, power, gain, float(np.mean([one.resolved for one in separations])))
 
 
 def within_torque_limits(robot: Robot, limits: Limits, motion: Motion) -> bool:
@@ -264,10 +260,6 @@ def within_motion_limits(robot: Robot, limits: Limits, motion: Motion) -> bool:
     return bool((inside & (np.abs(motion.v) <= limits.velocity[rows])).all())
 
 
-def _feasible(trials: Iterable[Trial | None]) -> Iterator[Trial]:
-    return (trial for trial in trials if trial is not None)
-
-
 REFERENCE = "next.csv"
 # Largest number of findings whose rivals are to be separated; the largest findings are taken.
 _FINDINGS = 3
@@ -275,6 +267,21 @@ _FINDINGS = 3
 _SHORTEST, _LONGEST = 8.0, 20.0
 # The sample rate of a reference is that of the recordings, but at most this rate of a usual controller [Hz].
 _RATE_HZ = 1000.0
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The recording to make next.
+
+    Attributes:
+        experiment: The entry ``next_experiment`` of ``diagnosis.json``; None if nothing is proposed.
+        motion: The reference motion.
+        notes: Notes on rivals that the proposed recording would not separate.
+    """
+
+    experiment: dict | None = None
+    motion: Motion | None = None
+    notes: tuple[Note, ...] = ()
 
 
 def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposal:
@@ -287,8 +294,8 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
     chosen = with_all_findings(explanation.search, explanation.chosen, findings)
     search = explanation.search.of(chosen)
     session = search.problem.session
-    groups = tuple(group for finding in findings if (group := hypotheses_of(search, chosen, finding)))
-    groups = groups[:_FINDINGS]
+    with_rivals = filter(None, (hypotheses_of(search, chosen, finding) for finding in findings))
+    groups = tuple(islice(with_rivals, _FINDINGS))
     if not groups:
         return Proposal()
     found = found_effects(search.held_out_fit(chosen), chosen)
@@ -322,7 +329,7 @@ def _proposal(rate_hz: float, rivalries: tuple[Rivalry, ...], trials: tuple[Tria
     if not best.separates:
         return Proposal(notes=(_not_separated(pairs),))
     separated = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= rules.SEPARATED)
-    left = tuple(pair for pair in pairs if pair not in separated)
+    others = tuple(pair for pair in pairs if pair not in separated)
     effects = dict.fromkeys(
         (at.effect, at.joint) for pair in separated for one in (pair.one, pair.other) for at in one.effects
     )
@@ -333,22 +340,7 @@ def _proposal(rate_hz: float, rivalries: tuple[Rivalry, ...], trials: tuple[Tria
         "expected_power": power,
         "say": proposal_words(separated, best, REFERENCE, power),
     }
-    return Proposal(experiment, best.candidate.motion(rate_hz), (_not_separated(left),) if left else ())
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """The recording to make next.
-
-    Attributes:
-        experiment: The entry ``next_experiment`` of ``diagnosis.json``; None if nothing is proposed.
-        motion: The reference motion.
-        notes: Notes on rivals that the proposed recording would not separate.
-    """
-
-    experiment: dict | None = None
-    motion: Motion | None = None
-    notes: tuple[Note, ...] = ()
+    return Proposal(experiment, best.candidate.motion(rate_hz), (_not_separated(others),) if others else ())
 
 
 def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
@@ -376,10 +368,12 @@ def _not_separated(pairs: tuple[Pair, ...]) -> Note:
 
 
 def _effects_of(pairs: tuple[Pair, ...]) -> tuple[RivalPair, ...]:
+    """The effects of both explanations of each pair."""
     return tuple((pair.one.effects, pair.other.effects) for pair in pairs)
 
 
 def _mass_words(mass: KnownMass) -> str:
+    """The mass and its place in words."""
     x, y, z = mass.center
     return f"a known mass of {mass.mass:g} kg at ({x:g}, {y:g}, {z:g}) m of {mass.frame}"
 

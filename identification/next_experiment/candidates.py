@@ -13,7 +13,13 @@ import numpy as np
 from identification.data.log import Log
 from identification.excitation.closable import CLEAR
 from identification.excitation.criteria import ConditionNumber, DOptimality
-from identification.excitation.descent import descend, feasible_postures, largest_within_limits, random_weights
+from identification.excitation.descent import (
+    constant_weights,
+    descend,
+    feasible_postures,
+    nearest_within_limits,
+    random_weights,
+)
 from identification.excitation.design_problem import DesignProblem, Grid, base_of, joint_sizes
 from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
@@ -216,9 +222,9 @@ def candidates(
     draws = (_fourier, _triangles, _slow_triangles, _reversals)
     out: list[Candidate] = []
     for k in range(_DRAWS * count):
-        one = draws[k % len(draws)](problem, postures, duration, rng)
-        if fast_enough(one, problem):
-            out.append(one)
+        candidate = draws[k % len(draws)](problem, postures, duration, rng)
+        if fast_enough(candidate, problem):
+            out.append(candidate)
         if len(out) == count:
             break
     return tuple(out)
@@ -243,8 +249,8 @@ def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) 
     information = [_information(problem, grid, weights) for weights in starts]
     start = starts[int(np.argmax(information))]
     better = descend(problem, grid, start, rounds=_ROUNDS, iterations=_ITERATIONS, criterion=DOptimality())
-    posture = grid.motion(start).q.mean(axis=0)
-    kept = largest_within_limits(problem, grid, better, posture, _TRIED_SIZES)
+    still = constant_weights(grid.motion(start).q.mean(axis=0), len(start))
+    kept = nearest_within_limits(problem, grid, better, still, _TRIED_SIZES)
     weights = kept if _information(problem, grid, kept) > max(information) else start
     return Candidate("an exciting Fourier series", shapes, weights)
 
@@ -259,41 +265,39 @@ def design_of(robot: Robot, limits: Limits) -> DesignProblem:
     return DesignProblem(robot, base_of(robot), ConditionNumber(), limits)
 
 
-def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> Candidate:
+def varied(candidate: Candidate, problem: DesignProblem, rng: np.random.Generator) -> Candidate:
     """A random variation of a motion: other sizes of each joint and slightly other shapes, within the limits."""
-    nv = problem.robot.nv
-    grid = Grid.of(one.shapes, one.shapes.samples)
-    posture = grid.motion(one.weights).q.mean(axis=0)
-    moving = one.weights.copy()
-    moving[0] -= posture
+    shapes = candidate.shapes
+    grid = Grid.of(shapes, shapes.samples)
+    still = constant_weights(grid.motion(candidate.weights).q.mean(axis=0), len(candidate.weights))
+    moving = candidate.weights - still
     size = np.abs(moving).max(axis=0)
-    moving = (
-        moving * np.exp(_SIZE_DEVIATION * rng.normal(size=nv))
-        + _SIZE_DEVIATION * size * rng.normal(size=moving.shape) / 3.0
-    )
-    weights = moving.copy()
-    weights[0] += posture
-    return Candidate(one.kind, one.shapes, largest_within_limits(problem, grid, weights, posture, _TRIED_SIZES))
+    larger = np.exp(_SIZE_DEVIATION * rng.normal(size=problem.robot.nv))
+    moving = moving * larger + _SIZE_DEVIATION * size * rng.normal(size=moving.shape) / 3.0
+    return Candidate(candidate.kind, shapes, nearest_within_limits(problem, grid, moving + still, still, _TRIED_SIZES))
 
 
-def fast_enough(one: Candidate, problem: DesignProblem) -> bool:
+def fast_enough(candidate: Candidate, problem: DesignProblem) -> bool:
     """True if the joints, on average, move fast enough that they do not stick and slip (see `_FAST_ENOUGH`)."""
-    v = Grid.of(one.shapes, one.shapes.samples).motion(one.weights).v
+    v = Grid.of(candidate.shapes, candidate.shapes.samples).motion(candidate.weights).v
     wanted = _FAST_ENOUGH * problem.limits.velocity[list(problem.robot.tree_rows)]
     return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _LEAST_MEAN_RATIO
 
 
 def _fourier(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+    """A random Fourier series."""
     shapes = FourierSeries(duration, int(rng.integers(4, 11)))
     return Candidate("Fourier series", shapes, _random(problem, shapes, postures, rng))
 
 
 def _triangles(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+    """Random triangles with several periods, and sines."""
     shapes = TrianglesAndSines(duration, triangles=int(rng.integers(3, 9)), harmonics=3)
     return Candidate("triangles and sines", shapes, _random(problem, shapes, postures, rng))
 
 
 def _slow_triangles(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+    """Random triangles with few periods."""
     shapes = TrianglesAndSines(duration, triangles=int(rng.integers(*_SLOW_PERIODS)), harmonics=1)
     return Candidate("slow triangles", shapes, _random(problem, shapes, postures, rng))
 
@@ -305,32 +309,32 @@ def _random(problem: DesignProblem, shapes: Shapes, postures: Array, rng: np.ran
         posture = postures[rng.integers(len(postures))]
     else:
         posture = postures[np.argmin(np.abs((postures - sizes.middle) / sizes.half).max(axis=1))]
-    still = np.zeros((grid.values.shape[2], problem.robot.nv))
-    still[0] = posture
     moving = random_weights(problem, grid, rng)
+    still = constant_weights(posture, len(moving))
     travel, rows = grid.values[0] @ moving, list(problem.robot.tree_rows)
+    # Share of the travel of each joint that its position limits leave room for.
     up = (problem.limits.upper[rows] - posture) / np.maximum(travel.max(axis=0), 1e-12)
     down = (posture - problem.limits.lower[rows]) / np.maximum(-travel.min(axis=0), 1e-12)
-    return largest_within_limits(
-        problem, grid, still + moving * np.clip(0.97 * np.minimum(up, down), 0.0, 1.0), posture, _TRIED_SIZES
-    )
+    weights = still + moving * np.clip(0.97 * np.minimum(up, down), 0.0, 1.0)
+    return nearest_within_limits(problem, grid, weights, still, _TRIED_SIZES)
 
 
 def _reversals(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+    """Small reversals about several random postures."""
     shapes = SmallReversals(duration, stops=int(rng.integers(3, 6)), reversals=int(rng.integers(3, 7)))
     sizes = joint_sizes(problem)
     nv = problem.robot.nv
-    places = postures[rng.integers(len(postures), size=shapes.stops)]
+    stops = postures[rng.integers(len(postures), size=shapes.stops)]
     # The postures are moved closer together, so that the motions between them keep the limits of each joint.
-    steps = np.maximum(np.abs(np.diff(places, axis=0)).max(axis=0), 1e-12)
+    steps = np.maximum(np.abs(np.diff(stops, axis=0)).max(axis=0), 1e-12)
     farthest = shapes.farthest(sizes.speed, problem.limits.acceleration)
-    places = places[0] + np.minimum(1.0, 0.9 * farthest / steps) * (places - places[0])
+    stops = stops[0] + np.minimum(1.0, 0.9 * farthest / steps) * (stops - stops[0])
     grid = Grid.of(shapes, shapes.samples)
     # The reversals may use half of the limits of speed and acceleration.
     fastest, sharpest = (np.abs(grid.values[k, :, 1]).max() for k in (1, 2))
     small = np.exp(rng.uniform(*np.log(_REVERSAL_SIZES), size=(shapes.stops, nv))) * sizes.half
     small = np.minimum(small, 0.5 * np.minimum(sizes.speed / fastest, problem.limits.acceleration / sharpest))
-    weights = shapes.weights(places, small, rng.random(nv) < 0.5)
-    return Candidate(
-        "holds with small reversals", shapes, largest_within_limits(problem, grid, weights, places[0], _TRIED_SIZES)
-    )
+    weights = shapes.weights(stops, small, rng.random(nv) < 0.5)
+    still = constant_weights(stops[0], len(weights))
+    kept = nearest_within_limits(problem, grid, weights, still, _TRIED_SIZES)
+    return Candidate("holds with small reversals", shapes, kept)

@@ -160,16 +160,17 @@ def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
 
 def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
     """A variant expressed in the columns of a union."""
-    found = variant.fitted
+    fit = variant.fitted
     # The fit's own problem is used: its tolerance parameters may differ from those of the search's problem.
-    problem = found.problem
-    at = np.searchsorted(union, found.active)
-    expand = np.eye(len(at)) if found.expand is None else found.expand
-    nuisances, fitted = problem.nuisance_count, len(problem.fitted_nuisances)
-    basis = np.zeros((len(union), nuisances + expand.shape[1] - fitted))
+    problem = fit.problem
+    at = np.searchsorted(union, fit.active)
+    expand = np.eye(len(at)) if fit.expand is None else fit.expand
+    # The parameters are all tolerance parameters, those that the fit did not use included, and those of the effects.
+    nuisances, used = problem.nuisance_count, len(problem.fitted_nuisances)
+    basis = np.zeros((len(union), nuisances + expand.shape[1] - used))
     basis[:nuisances, :nuisances] = np.eye(nuisances)
-    basis[at[fitted:], nuisances:] = expand[fitted:, fitted:]
-    theta = found.theta[union]
+    basis[at[used:], nuisances:] = expand[used:, used:]
+    theta = fit.theta[union]
     # The first 1 in a column of the basis marks the coefficient that is equal to the parameter.
     rows = np.argmax(basis == 1.0, axis=0)
     columns = union[rows]
@@ -195,13 +196,13 @@ def _variants(
         [other for other in search.terms if other.named and other.effect_joint == (at.effect, at.joint)]
         for at in effects
     ]
-    sets = {}
+    scores: dict[frozenset[Term], float] = {}
     for group in islice(product(*options), _COMBINATIONS):
         others = frozenset(group)
         swapped = with_replacement(chosen, term, others)
         if others <= swapped:
-            sets[swapped] = search.in_sample_loss(swapped) + search.price_of(swapped)
-    ranked = sorted(sets, key=lambda one: (sets[one], sorted(other.columns for other in one)))[:_VARIANTS]
-    return tuple(
-        Variant(one, search.held_out_fit(one), sets[one]) for one in ranked if sets[one] <= sets[ranked[0]] + _CLOSE
-    )
+            scores[swapped] = search.in_sample_loss(swapped) + search.price_of(swapped)
+    # The columns decide between equal scores, so that the order does not depend on that of the sets.
+    ranked = sorted(scores, key=lambda terms: (scores[terms], sorted(one.columns for one in terms)))[:_VARIANTS]
+    close = [terms for terms in ranked if scores[terms] <= scores[ranked[0]] + _CLOSE]
+    return tuple(Variant(terms, search.held_out_fit(terms), scores[terms]) for terms in close)

@@ -73,14 +73,15 @@ class PlannedRecording:
         columns = columns_like(session, self.like, self.found)
         out = np.zeros((len(self.union), len(self.union)))
         for j, row in enumerate(columns.rows):
+            # Places, in the union and in this row, of the columns that both have.
             places = {column: k for k, column in enumerate(row)}
-            here = [(k, places[column]) for k, column in enumerate(self.union.tolist()) if column in places]
+            at = [k for k, column in enumerate(self.union.tolist()) if column in places]
+            at_row = [places[column] for column in self.union[at].tolist()]
             filters = row_filters(columns, 0, j, self.laws[j])
             share = noise_share(self.variance[j], friction_variance(columns, 0, j, filters))
-            values = filtered(filters, columns.values[0][j][:, [place for _, place in here]])
+            values = filtered(filters, columns.values[0][j][:, at_row])
             values *= np.sqrt(share / self.trust[j])[:, None]
             values = values[columns.usable[0][:, j]]
-            at = [k for k, _ in here]
             out[np.ix_(at, at)] += self.problem.weights.per_sample[j] * values.T @ values
         return out
 
@@ -89,11 +90,14 @@ def _trusted(
     columns: Columns, noise: list[Float[Array, " n"]], row: int, law: Float[Array, "_"]
 ) -> tuple[float, float]:
     """Variance of a row's whitened noise in the recordings, and its mean share in that of noise and friction."""
-    use = [part[:, row] for part in columns.usable]
-    filters = [row_filters(columns, log, row, law) for log in range(len(use))]
-    friction = np.concatenate([friction_variance(columns, log, row, filters[log])[u] for log, u in enumerate(use)])
+    usable = [part[:, row] for part in columns.usable]
+    filters = [row_filters(columns, log, row, law) for log in range(len(usable))]
+    friction = np.concatenate(
+        [friction_variance(columns, log, row, filters[log])[samples] for log, samples in enumerate(usable)]
+    )
     variance = noise_variance(columns, noise, row, filters)
-    return variance, max(float(np.mean(noise_share(variance, friction))), 1e-300) if len(friction) else 1.0
+    share = max(float(np.mean(noise_share(variance, friction))), 1e-300) if len(friction) else 1.0
+    return variance, share
 
 
 def planned_recording(

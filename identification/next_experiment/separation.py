@@ -1,8 +1,8 @@
 """Probability that a planned recording separates the rival explanations of a finding (T-optimal design).
 
 If one of two explanations is true, the other one is fitted to its torque. The squared distance of the two is the sum of
-squares of the residual, in units of the noise. It is the amount by which the planned recording increases the loss of
-the wrong explanation, from which the probability follows that the diagnosis no longer lists it.
+squares of the residual, in units of the noise. The planned recording increases the loss of the wrong explanation by
+this distance. From this increase follows the probability that the diagnosis no longer lists the wrong explanation.
 """
 
 from __future__ import annotations
@@ -30,6 +30,10 @@ _DRAWS = 7
 _AHEAD = 8.0
 
 
+Effects = tuple[EffectAt, ...]
+"""Effects of one explanation."""
+
+
 @dataclass(frozen=True)
 class Pair:
     """Two explanations of the same finding."""
@@ -53,19 +57,19 @@ class Rivalry:
     """
 
     pairs: tuple[Pair, ...]
-    models: dict[tuple[EffectAt, ...], tuple[Model, ...]]
+    models: dict[Effects, tuple[Model, ...]]
     recorded: Float[Array, "u u"]
     held_out: float
     nuisance_count: int
 
     @cached_property
-    def possible_models(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]]:
-        """Models that may be true according to the recordings, by the true and then the wrong explanation of a pair.
+    def possible_models(self) -> dict[tuple[Effects, Effects], _PossibleModels]:
+        """Models that may be true according to the recordings, by the true and the wrong explanation of a pair.
 
         They are drawn once and used for all planned motions, so that chance does not change the order of the motions.
         """
         rng = random_stream("models that recordings leave possible")
-        out: dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _PossibleModels]] = {}
+        out: dict[tuple[Effects, Effects], _PossibleModels] = {}
         for pair in self.pairs:
             for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
                 model = self.models[truth.effects][0]
@@ -73,7 +77,7 @@ class Rivalry:
                 coefficients = draws_of(model, self.recorded, normals)
                 wrong_models = self.models[wrong.effects]
                 before = tuple(self.held_out_loss(coefficients, other, self.recorded) for other in wrong_models)
-                out.setdefault(truth.effects, {})[wrong.effects] = _PossibleModels(coefficients, before)
+                out[truth.effects, wrong.effects] = _PossibleModels(coefficients, before)
         return out
 
     def held_out_loss(
@@ -128,8 +132,8 @@ def separation(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Separation:
     """
     all_products = rivalry.recorded + planned
     pair_powers, pair_distances = [], []
-    least_power: dict[tuple[EffectAt, ...], float] = {}  # by the true explanation
-    probability: dict[tuple[EffectAt, ...], float] = {}
+    least_power: dict[Effects, float] = {}  # by the true explanation
+    probability: dict[Effects, float] = {}
     for pair in rivalry.pairs:
         powers, distances, weights = [], [], []
         for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
@@ -159,7 +163,7 @@ def _power_and_distance(
 
     All shapes of the wrong explanation have to be ruled out, so that the shape with the least probability counts.
     """
-    model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects][wrong.effects]
+    model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects, wrong.effects]
     count = len(possible_models.coefficients)
     power, gain = np.full(count, np.inf), np.full(count, np.inf)
     for other, before in zip(rivalry.models[wrong.effects], possible_models.before, strict=True):
@@ -183,7 +187,7 @@ def _power_against_richer(
     additional part of the richer law would have been seen, or the shape fits too badly. The latter is possible because
     some laws equal the simpler law only at the limit of their shapes.
     """
-    model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects][wrong.effects]
+    model, possible_models = rivalry.models[truth.effects][0], rivalry.possible_models[truth.effects, wrong.effects]
     power = np.full(len(possible_models.coefficients), np.inf)
     for rich, before in zip(rivalry.models[wrong.effects], possible_models.before, strict=True):
         after = rivalry.held_out_loss(possible_models.coefficients, rich, all_products)
@@ -195,6 +199,7 @@ def _power_against_richer(
 
 
 def _rivalry(search: Search, group: tuple[Hypothesis, ...], union: Int[Array, " u"]) -> Rivalry:
+    """All pairs of the explanations of one finding, with their models in the columns of the union."""
     pairs = tuple(Pair(one, other) for one, other in combinations(group, 2))
     models = {one.effects: tuple(model_of(variant, union) for variant in one.variants) for one in group}
     recorded = search.problem.total_a[np.ix_(union, union)]
