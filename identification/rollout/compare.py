@@ -50,8 +50,8 @@ class Errors:
 
     def of(self, windows: list[int]) -> Errors:
         """Errors of some of the windows."""
-        series = (self.t, self.before, self.after, self.noise, self.travel)
-        return Errors(*(tuple(one[k] for k in windows) for one in series))
+        every = (self.t, self.before, self.after, self.noise, self.travel)
+        return Errors(*(tuple(series[k] for k in windows) for series in every))
 
     def rms(self, series: tuple[Float[Array, "_ nv"], ...], horizon: float) -> Float[Array, " nv"]:
         """Root mean square of a series over all windows up to the horizon; zero for joints that no window compares."""
@@ -180,10 +180,11 @@ def compare_models(
         given, model = models(plain.window)
         shot = hidden_states(plain, model)
         signs = rng.choice([-1.0, 1.0], (2, robot.nv))
-        corrected, others = shoot(shot, model, None), _nan_unless_compared(shot.window, robot.nv)
-        before.append(shoot(shot, given, None) - shot.read + others)
-        after.append(corrected - shot.read + others)
-        noise.append(shoot(shot, model, signs * np.array([shot.states.q_std, shot.states.v_std])) - corrected + others)
+        shift = signs * np.array([shot.states.q_std, shot.states.v_std])
+        corrected, mask = shoot(shot, model, None), _nan_unless_compared(shot.window, robot.nv)
+        before.append(shoot(shot, given, None) - shot.read + mask)
+        after.append(corrected - shot.read + mask)
+        noise.append(shoot(shot, model, shift) - corrected + mask)
     travel = tuple(shot.read - shot.read[0] + _nan_unless_compared(shot.window, robot.nv) for shot in shots)
     errors = Errors(tuple(shot.t for shot in shots), tuple(before), tuple(after), tuple(noise), travel)
     horizon = horizon_of(errors, horizons)
@@ -206,8 +207,8 @@ def compare_models(
         warnings=limit_notes(robot, engaged),
         notes=notes,
         motions=tuple(
-            WindowMotion(shot.window, shot.read + one, shot.read + other)
-            for shot, one, other in zip(shots, errors.before, errors.after, strict=True)
+            WindowMotion(shot.window, shot.read + of_given, shot.read + of_corrected)
+            for shot, of_given, of_corrected in zip(shots, errors.before, errors.after, strict=True)
         ),
         controlled=controlled,
     )

@@ -1,4 +1,3 @@
-# pyright: reportAttributeAccessIssue=false
 """Finds joint limits of the model that simulated motion passes while a stop may have held the real robot."""
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import numpy as np
 from identification.data.log import Log
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Robot, position_limits
 
 # Positions count as at a limit within this share of the joint's range, because stops are elastic and encoders have
 # offsets.
@@ -67,14 +66,14 @@ def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engage
         robot: The robot with its limits; continuous joints have none.
         windows: At least one window.
     """
-    limits, out = _limits(robot), []
+    limits, out = np.column_stack(position_limits(robot)), []
     for recording in dict.fromkeys(window.recording for window in windows):
         here = [window for window in windows if window.recording == recording]
         for model in ("given", "corrected"):
             for j, joint in enumerate(robot.joint_names):
                 found = [x for x in (_passed(window, model, j, limits[j]) for window in here) if x is not None]
                 if found:
-                    t, limit = min(found)
+                    t, limit = min(found)  # the earliest
                     out.append(EngagedLimit(model, joint, recording, t, limit, len(found), len(here)))
     return tuple(out)
 
@@ -107,7 +106,7 @@ def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[Note, ...]:
         robot: The robot with its limits.
         logs: The recordings.
     """
-    limits, out = _limits(robot), []
+    limits, out = np.column_stack(position_limits(robot)), []
     for log in logs:
         q = log.motion.q if log.raw_q is None else log.raw_q
         for j, joint in enumerate(robot.joint_names):
@@ -141,17 +140,3 @@ def _margin(limits: Float[Array, " 2"]) -> float:
     """Tolerance at the limits of a joint [rad or m]."""
     width = float(limits[1] - limits[0])
     return _LIMIT_TOLERANCE * (width if np.isfinite(width) else 1.0)
-
-
-def _limits(robot: Robot) -> Float[Array, "nv 2"]:
-    """Limits of the joints; infinite for joints without limits, or whose configuration is no single number."""
-    model = robot.model
-    out = np.tile([-np.inf, np.inf], (robot.nv, 1))
-    for j, row in enumerate(robot.tree_rows):
-        for joint in range(1, model.njoints):
-            if model.idx_vs[joint] == row and model.nqs[joint] == model.nvs[joint] == 1:
-                at = model.idx_qs[joint]
-                low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
-                if low < high:
-                    out[j] = low, high
-    return out

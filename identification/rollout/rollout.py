@@ -48,9 +48,9 @@ from phantom_dyn.random_streams import random_stream
 # Probability that a right model leaves its noise band on some joint. Tests of torques and motion together may give 5 %
 # false alarms: 4 % by torques, 1 % by motion.
 _LEVEL = 0.01
-# A joint stands in a window if it does so in the first share of its samples, as noise may exceed what counts as
-# standstill; it stands for a while with the second.
-_STANDS, _FOR_A_WHILE = 0.9, 0.1
+# A joint is at rest in a window if it is at rest in this share of the samples, because noise may look like motion. It
+# is at rest for a while with the second share.
+_AT_REST, _AT_REST_FOR_A_WHILE = 0.9, 0.1
 
 
 def motion_deviations(
@@ -62,10 +62,10 @@ def motion_deviations(
     horizon: float,
     standing: tuple[Float[Array, " nv"], ...],
 ) -> Float[Array, " nv"]:
-    """Rms error of each joint's simulated motion, divided by the upper limit of its 99 % noise band.
+    """RMS error of each joint's simulated motion, divided by the upper limit of its 99 % noise band.
 
-    A brake may hold a joint that stands. If a joint strays from where it stands, no window in which it stands for a
-    while says anything about any joint.
+    A brake may hold a joint at rest, so that the recorded torque does not move it. If the simulation of a joint leaves
+    the position in which the joint is at rest, every window in which the joint is at rest for a while is left out.
 
     Args:
         shots: Windows with their initial states.
@@ -74,7 +74,7 @@ def motion_deviations(
         noise: Torque that counts as noise, for each recording.
         folds: Folds that were held out, at least two.
         horizon: Time over which windows are compared [s].
-        standing: For each window the share of it in which each joint stands.
+        standing: For each window, the share of its samples in which each joint is at rest.
 
     Raises:
         ParameterError: If a motion leaves all bounds.
@@ -85,7 +85,7 @@ def motion_deviations(
     squares: list[list[Array]] = []
     for shot in shots:
         window = shot.window
-        model, other = (models(window, fold) for fold in _fold_and_another(window.fold, folds))
+        model, other = models(window, window.fold), models(window, _other_fold(window.fold, folds))
         kept = slice(1, int(np.searchsorted(shot.t, horizon + 1e-9)))
         drive = torque(shot, model)
         simulated = under_torque(shot, model, drive)
@@ -107,15 +107,17 @@ def motion_deviations(
         squares.append([np.mean(part[kept] ** 2, axis=0) for part in parts])
     error, expected = np.array(squares)[:, 0], np.maximum(np.sum(np.array(squares)[:, 1:], axis=1), 1e-300)
 
-    def beyond(error: Array, expected: Array, count: int) -> Array:
+    def relative_to_band(error: Array, expected: Array, count: int) -> Array:
+        # The upper limit of the band is the quantile of the F distribution; one over it is the lower quantile.
         return np.sqrt(error / expected * fdtri(count, count, _LEVEL / error.shape[-1]))
 
     share = np.array(standing)
-    braked = ((share > _STANDS) & (beyond(error, expected, len(shots)) > 1.0)).any(axis=0)
-    held = (braked & (share > _FOR_A_WHILE)).any(axis=1)
-    if held.all():
+    braked = ((share > _AT_REST) & (relative_to_band(error, expected, len(shots)) > 1.0)).any(axis=0)
+    left_out = (braked & (share > _AT_REST_FOR_A_WHILE)).any(axis=1)
+    if left_out.all():
         return np.zeros(error.shape[1])
-    return beyond(error[~held].mean(axis=0), expected[~held].mean(axis=0), int(np.count_nonzero(~held)))
+    used = ~left_out
+    return relative_to_band(error[used].mean(axis=0), expected[used].mean(axis=0), int(np.count_nonzero(used)))
 
 
 def turning_torque(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
@@ -136,11 +138,9 @@ def turning_torque(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"
     return out
 
 
-def _fold_and_another(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
-    """The fold of a window, and a second one: the next in ``folds``, or the first if ``fold`` is not among them."""
-    if fold not in folds:
-        return fold, folds[0]
-    return fold, folds[(folds.index(fold) + 1) % len(folds)]
+def _other_fold(fold: int, folds: tuple[int, ...]) -> int:
+    """The fold after ``fold`` in ``folds``; the first one if ``fold`` is the last or not among them."""
+    return folds[(folds.index(fold) + 1) % len(folds)] if fold in folds else folds[0]
 
 
 def unknown_if_motion_deviates(judgement: Judgement, rollout: Rollout) -> Judgement:
@@ -197,8 +197,8 @@ def rollout_of(explained: Explained) -> Rollout:
     Args:
         explained: Fits of the diagnosis.
     """
-    past = recorded_past(explained.session.robot, explained.session.logs)
     robot = explained.session.robot
+    past = recorded_past(robot, explained.session.logs)
     if unknown_drives(robot).any():
         numbers = {"controlled": False, "problem": "a joint is moved by a torque that nobody knows"}
         return Rollout(None, {}, {}, warnings=past, notes=(Note(Code.NOT_SIMULATED, None, numbers),))
@@ -207,8 +207,9 @@ def rollout_of(explained: Explained) -> Rollout:
     def hidden_states(shot: Shot, model: Model) -> Shot:
         if not has_hidden_states(model):
             return shot
-        # The swing phase of a leg is too short for a fit of initial states to a part of it.
-        return (shot.with_start_by_feedback if robot.floating else shot.with_hidden_start)(model, torque(shot, model))
+        if robot.floating:  # the swing of a leg is too short for a fit of initial states to a part of it
+            return shot.with_start_by_feedback(model, torque(shot, model))
+        return shot.with_hidden_start(model, torque(shot, model))
 
     loop = _controlled_rollout(explained, hidden_states)
     if explained.controlled and loop is not None:
@@ -221,9 +222,8 @@ def rollout_of(explained: Explained) -> Rollout:
     # Robots with a floating base are not tested, because the noise band does not include noise of the base's sensors.
     if not explained.terms and out.horizon_s is not None and not robot.floating:
         out = replace(out, deviations=_deviations(explained, out.horizon_s))
-    return replace(
-        out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _loop_notes(loop)))
-    )
+    loop_notes = () if loop is None else _loop_notes(loop)
+    return replace(out, warnings=(*past, *out.warnings), notes=(*out.notes, *loop_notes))
 
 
 def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
@@ -245,16 +245,8 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
     )
     # A fit also explains a part of the noise: its residual is scaled up to the noise floor.
     size = np.maximum(explained.floor / np.maximum(residual_sums(problem, residuals).rms(), 1e-300), 1.0)
-    noise = tuple(
-        size
-        * np.column_stack(
-            [
-                np.interp(log.motion.t, log.motion.t[log.samples], _without_gaps(part, use))
-                for part, use in zip(residual.T, usable.T, strict=True)
-            ]
-        )
-        for log, residual, usable in zip(session.logs, residuals, problem.columns.usable, strict=True)
-    )
+    usable = problem.columns.usable
+    noise = tuple(size * _at_all_times(*of_log) for of_log in zip(session.logs, residuals, usable, strict=True))
     shots = _shots(explained, horizon, STEP, 0)
     folds = tuple(sorted({int(fold) for fold in problem.grams.fold} - {-1}))
     if not shots or len(folds) < 2 or has_hidden_states(model(shots[0].window, shots[0].window.fold)):
@@ -267,9 +259,15 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
 
 
 def _standing(logs: tuple[Log, ...], shots: tuple[Shot, ...]) -> tuple[Float[Array, " nv"], ...]:
-    """For each window the share of it in which each joint stands."""
+    """For each window, the share of its samples in which each joint is at rest."""
     still = {k: standing_still(logs[k]) for k in {shot.window.log for shot in shots}}
     return tuple(still[shot.window.log][shot.window.start : shot.window.stop].mean(axis=0) for shot in shots)
+
+
+def _at_all_times(log: Log, residual: Float[Array, "n nv"], usable: Bool[Array, "n nv"]) -> Float[Array, "N nv"]:
+    """Residual of all joints at the full rate, with that of usable samples in place of all others."""
+    columns = [_without_gaps(own, use) for own, use in zip(residual.T, usable.T, strict=True)]
+    return np.column_stack([np.interp(log.motion.t, log.motion.t[log.samples], own) for own in columns])
 
 
 def _without_gaps(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:
@@ -314,14 +312,14 @@ def _loop_notes(loop: Rollout) -> tuple[Note, ...]:
 def _longest_rollout(
     explained: Explained, shoot: Shoot, horizons: tuple[float, ...], at_start: HiddenStates, *, by_control: bool
 ) -> Rollout:
-    """Rollouts over the longest horizon at which no simulation diverges."""
+    """Rollouts over the longest horizon at which no simulation diverges; a note says why if there is none."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
         try:
             return _rollout_over(
                 explained, shoot, tuple(h for h in horizons if h <= horizon), at_start, by_control=by_control
             )
-        except RobotError as error:
+        except RobotError as error:  # a shorter horizon would not help
             problem = error
             break
         except (PhantomDynError, np.linalg.LinAlgError) as error:

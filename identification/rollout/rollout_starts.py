@@ -85,8 +85,8 @@ def states_of(log: Log, cutoff_hz: float) -> States:
     removed = (rough**2).mean(axis=0)
     density = removed / max(0.5 * rate - edge, 1e-9)  # per Hz
     q_std, v_std = np.sqrt(density * edge), 2.0 * np.pi * np.sqrt(density * edge**3 / 3.0)
-    least = (np.maximum(std, _LEAST) for std in (q_std, v_std, np.sqrt(removed), _quiet(rough)))
-    return States(q, v, a, raw, *least, base=log.motion.base)
+    deviations = (np.maximum(std, _LEAST) for std in (q_std, v_std, np.sqrt(removed), _quiet(rough)))
+    return States(q, v, a, raw, *deviations, base=log.motion.base)
 
 
 def _quiet(rough: Float[Array, "N nv"]) -> Float[Array, " nv"]:
@@ -213,11 +213,12 @@ def windows_in(
             if length < _LEAST_ROWS:
                 continue
             # The windows are centred in the stretch.
-            fit = max(1, (stop - first) // length)
-            margin = (stop - first - fit * length) // 2
-            for i in range(fit):
+            count = (stop - first) // length
+            margin = (stop - first - count * length) // 2
+            for i in range(count):
                 start = first + margin + i * length
-                out.append(window_at(logs, Window(block.log, start, start + length, int(folds[k]), 0, joints), lead))
+                window = Window(block.log, start, start + length, int(folds[k]), 0, joints)
+                out.append(window_at(logs, window, lead))
     return tuple(window for window in out if window is not None)
 
 
@@ -255,11 +256,11 @@ def window_at(logs: tuple[Log, ...], window: Window, lead: float) -> Window | No
         return None
     wanted = min(round(lead * log.band.rate_hz), start)
     before = slice(start - wanted, start)
-    bad = ~log.valid[before]
+    unusable = ~log.valid[before]
     if window.joints is not None and log.touched is not None:
-        bad = bad | log.touched[before][:, list(window.joints)].any(axis=1)
-    last = np.flatnonzero(bad)
-    return replace(window, lead=wanted if len(last) == 0 else wanted - 1 - int(last[-1]))
+        unusable = unusable | log.touched[before][:, list(window.joints)].any(axis=1)
+    last = int(np.flatnonzero(unusable).max(initial=-1))
+    return replace(window, lead=wanted - 1 - last)
 
 
 def exerted_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:

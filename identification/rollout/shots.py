@@ -154,20 +154,13 @@ def _with_fitted_shifts(model: Model, start: Start, shifts: Float[Array, " n"]) 
         shifts: Shift of each joint's position, then of each joint's speed, both of link and motor; then, for each joint
             of `_hidden`, an additional shift of position and speed of the side that no encoder reads.
     """
-    nv, rows = model.robot.nv, _hidden(model)
-    q, v, motor_q, motor_v = (np.array(x) for x in (start.q, start.v, start.motor_q, start.motor_v))
-    for state, shift in (
-        (q, shifts[:nv]),
-        (motor_q, shifts[:nv]),
-        (v, shifts[nv : 2 * nv]),
-        (motor_v, shifts[nv : 2 * nv]),
-    ):
-        state += shift
-    for k, row in enumerate(rows):
-        position, speed = (q, v) if _on_motor(model, row) else (motor_q, motor_v)
-        position[row] += shifts[2 * nv + 2 * k]
-        speed[row] += shifts[2 * nv + 2 * k + 1]
-    return Start(q, v, motor_q, motor_v)
+    nv = model.robot.nv
+    out = _with_start_shift(start, shifts[: 2 * nv].reshape(2, nv))
+    for row, (shift, speed_shift) in zip(_hidden(model), shifts[2 * nv :].reshape(-1, 2), strict=True):
+        position, speed = (out.q, out.v) if _on_motor(model, row) else (out.motor_q, out.motor_v)
+        position[row] += shift
+        speed[row] += speed_shift
+    return out
 
 
 def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n"]:
@@ -184,12 +177,12 @@ def _uncertainty(model: Model, states: States, start: Start) -> Float[Array, " n
 
 def _guesses(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
     """Initial shifts of the fit, in units of ``spread``: zero, and hidden sides shifted within their backlash."""
-    out, nv = [np.zeros(len(spread))], model.robot.nv
+    out = [np.zeros(len(spread))]
     for k, row in enumerate(_hidden(model)):
-        gap = _gap(model, row)
+        gap, position = _gap(model, row), 2 * model.robot.nv + 2 * k
         for share in _TRIED_SHIFTS if gap > 0 else ():
             shifts = np.zeros(len(spread))
-            shifts[2 * nv + 2 * k] = share * gap / spread[2 * nv + 2 * k]
+            shifts[position] = share * gap / spread[position]
             out.append(shifts)
     return out
 
@@ -317,7 +310,7 @@ def _from_hidden_start(
 
 
 def _with_start_shift(start: Start, start_shift: Float[Array, "2 nv"] | None) -> Start:
-    """A start with a shift of position and velocity, the same for links and motors."""
+    """A start with a shift of position and velocity, the same for links and motors, in new arrays."""
     if start_shift is None:
         return start
     q, v = start_shift
@@ -378,9 +371,9 @@ def controlled(robot: Robot) -> bool:
 
 def control_law(robot: Robot, t: Float[Array, " N"], q_ref: Float[Array, "N nv"]) -> Tracking:
     """The controllers of the model without their delays: ``kp (q_ref - q) - kd v`` within the limits of the drives."""
-    gains = np.array([(0.0, 0.0) if a.controller is None else (a.controller.kp, a.controller.kd)
-                      for a in robot.actuators])  # fmt: skip
-    kp, kd = (np.broadcast_to(gain, q_ref.shape) for gain in gains.T)
+    controllers = [actuator.controller for actuator in robot.actuators]
+    kp = np.broadcast_to([0.0 if one is None else one.kp for one in controllers], q_ref.shape)
+    kd = np.broadcast_to([0.0 if one is None else one.kd for one in controllers], q_ref.shape)
     limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
     none = np.zeros(q_ref.shape)
     return Tracking(t, none, q_ref, none, kp, kd, none, limits)

@@ -78,6 +78,7 @@ class Model:
         return longest_step(machine_of(self.robot, self.transmissions), q)
 
     def _simulated(self, cause: Cause) -> Simulated:
+        """A cause in the form that a simulation of this robot uses."""
         return cause.effect.simulated(self.robot, cause.joint, cause.theta)
 
     @cached_property
@@ -134,7 +135,7 @@ def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, .
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
-    """Effects with the coefficients of one fit, without loads (see `with_load`) and terms that are no catalogue effect.
+    """Effects with the coefficients of one fit; left out are loads (see `with_load`), and terms outside the catalogue.
 
     Args:
         robot: The given model.
