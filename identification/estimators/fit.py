@@ -19,11 +19,12 @@ from identification.estimators.linear.scatter import (
     coloured_scatter,
     covariances,
     leverage,
+    noise_of_squares,
     residual_noise,
     sandwich,
     white_scatter,
 )
-from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
+from identification.regression.base_parameters import BaseParameters, base_of_reduction
 from identification.regression.reduction import Reduction
 from identification.regression.regressor import (
     EffectOnJoint,
@@ -104,13 +105,17 @@ class Fit:
             robot: The robot that was fitted.
             motion: N samples.
         """
-        whole_band = Band(1.0, 0.5, np.ones(1), 1)
-        nothing = np.zeros_like(motion.q)
-        log = Log("prediction", robot.joint_names, motion, nothing, whole_band, np.ones(len(motion.t), dtype=bool))
         given = [(term.effect, term.joint, term.shape) for term in self.effects]
-        regressor = (torque_regressor if self.rigid_body else gap_regressor)(robot, log, given)
+        regressor_of = torque_regressor if self.rigid_body else gap_regressor
+        regressor = regressor_of(robot, unfiltered_log(robot, motion), given)
         out = [block[:, :, list(self.base.independent)] @ self.theta for block in regressor.blocks()]
         return np.concatenate(out) + known_torque(robot, motion, rigid_body=self.rigid_body)
+
+
+def unfiltered_log(robot: Robot, motion: Motion) -> Log:
+    """A log of a motion without torque and filter, for the regressor on all its samples."""
+    all_valid = np.ones(len(motion.t), dtype=bool)
+    return Log("motion", robot.joint_names, motion, np.zeros_like(motion.q), Band(1.0, 0.5, np.ones(1), 1), all_valid)
 
 
 @dataclass(frozen=True)
@@ -229,11 +234,7 @@ def fit_of(
         base: The unknowns.
         values: Values of the unknowns.
     """
-    measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
-    residual_rms = np.sqrt(np.mean(values.residual**2, axis=0))
-    # The error of a joint without torque is NaN.
-    error = np.full(len(residual_rms), np.nan)
-    np.divide(100 * residual_rms, measured, out=error, where=measured > 0)
+    error = 100 * relative_rms(values.residual, regressor.measured)
     general = cautions(regressor, base, values.theta, np.sqrt(np.diag(values.cov)), values.factor)
     return Fit(
         estimator=estimator,
@@ -252,6 +253,12 @@ def fit_of(
         samples=regressor.count,
         cautions=(*map(Caution, misfit_sentences(regressor.robot, error)), *general),
     )
+
+
+def relative_rms(residual: Float[Array, "N nv"], measured: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+    """Root mean square of each joint's residual divided by that of its measured torque; NaN without torque."""
+    rms, size = (np.sqrt(np.mean(values**2, axis=0)) for values in (residual, measured))
+    return np.divide(rms, size, out=np.full(len(rms), np.nan), where=size > 0)
 
 
 @dataclass(frozen=True)
@@ -301,16 +308,6 @@ def reductions(robot: Robot, logs: Iterable[Log], effects: Sequence[EffectOnJoin
         yield torque_regressor(robot, log, effects).reduction
 
 
-def base_of_reduction(reduction: Reduction) -> BaseParameters:
-    """Base parameters that a reduction determines.
-
-    Args:
-        reduction: Reduction of one recording or several.
-    """
-    factor = reduction.factor()[:, :-1]
-    return base_parameters_of_matrix(factor, reduction.names, reduction.units)
-
-
 def refit(reduction: Reduction, base: BaseParameters | None = None) -> ReducedFit:
     """Ordinary least squares of all equations in a reduction.
 
@@ -332,10 +329,7 @@ def refit(reduction: Reduction, base: BaseParameters | None = None) -> ReducedFi
     theta, square = solve_factor(triangular(np.concatenate(rows)))
     solution = Solution(theta, square, np.empty((0, len(rows))), joint_grams(rows, square))
     ones = np.ones(len(rows))
-    spare = reduction.samples - leverage(solution, ones)
-    has_spare = spare > 1e-6 * reduction.samples
     squares = np.array([np.sum((joint[:, -1] - joint[:, :-1] @ theta) ** 2) for joint in rows])
-    sigma = np.sqrt(np.where(has_spare, squares, np.nan) / np.where(has_spare, spare, 1.0))
-    return ReducedFit(
-        theta, sandwich(solution, ones, white_scatter(solution, sigma**2)), sigma, base, reduction.samples
-    )
+    sigma = noise_of_squares(squares, reduction.samples, leverage(solution, ones))
+    cov = sandwich(solution, ones, white_scatter(solution, sigma**2))
+    return ReducedFit(theta, cov, sigma, base, reduction.samples)

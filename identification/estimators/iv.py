@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from identification.estimators.closed_loop.loop import Feedback, not_settled, resimulated, start_of
+from identification.estimators.closed_loop.loop import MOST_SIMULATIONS, Feedback, not_settled, resimulated, start_of
 from identification.estimators.fit import Fit, InfluencedValues, fit_of, values_of_influence
 from identification.estimators.linear.least_squares import base_rows, factor_of, influence_of
 from identification.estimators.linear.scatter import covariances
@@ -36,13 +36,12 @@ _EQUAL_VARIANCE = 1e-8
 _SMALL_BIAS = 0.5  # largest bias that needs no action, in standard deviations of least squares
 
 
-def iv(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
+def iv(regressor: Regressor, *, feedback: Feedback | None = None) -> Fit:
     """Base parameters by instrumental variables.
 
     Args:
         regressor: The equations.
         feedback: The controllers; by default those of ``robot.yaml``.
-        iterations: Largest number of simulations of the recordings.
 
     Raises:
         LogError: If a log has no references.
@@ -53,15 +52,15 @@ def iv(regressor: Regressor, *, feedback: Feedback | None = None, iterations: in
     start = start_of(regressor, feedback)
     base = start.base
     found = with_instruments(regressor, base, start.simulation.rows(base), start.weights)
-    for _ in range(iterations):
+    for _ in range(MOST_SIMULATIONS):
         before = found
         simulation = resimulated(regressor, start.loops, base, found.theta)
         found = with_instruments(regressor, base, simulation.rows(base), 1.0 / floored(before.sigma, regressor))
         # Without noise the first term is zero; the second one allows for rounding errors.
-        still = np.abs(found.theta - before.theta) <= _SETTLED * found.std + 1e-9 * np.abs(found.theta)
-        if still.all():
+        converged = np.abs(found.theta - before.theta) <= _SETTLED * found.std + 1e-9 * np.abs(found.theta)
+        if converged.all():
             return fit_of("iv", regressor, base, found)
-    raise not_settled(iterations)
+    raise not_settled()
 
 
 def with_instruments(

@@ -55,10 +55,10 @@ def wls(regressor: Regressor) -> Fit:
     base = base_of(regressor)
     noise = sigma = np.ones(regressor.robot.nv)
     solution = solve(regressor, base, np.ones_like(regressor.y))
-    for remaining in reversed(range(PASSES)):
+    for fits in range(1, PASSES + 1):
         sigma = joint_noise(solution.residual, leverage(solution, noise**-2))
         following = floored(sigma, regressor)
-        if not remaining or weights_agree(noise, following):
+        if fits == PASSES or weights_agree(noise, following):
             break
         noise = following
         solution = solve(regressor, base, np.broadcast_to(1 / noise, regressor.y.shape))
@@ -84,7 +84,7 @@ def floored(sigma: Float[Array, " nv"], regressor: Regressor) -> Float[Array, " 
 
     Args:
         sigma: Estimated noise of each joint.
-        regressor: Gives the torques.
+        regressor: The equations, with the torques.
 
     Raises:
         IdentifiabilityError: If a noise is not known.

@@ -68,16 +68,13 @@ def fit_pretension(
         raise IdentifiabilityError(
             f"Friction was tested at {len(pretension)} pretensions that do not differ: test it at two or more."
         )
-    weight = 1.0 / std**2
-    total, middle = weight.sum(), np.sum(weight * pretension) / weight.sum()
-    spread = np.sum(weight * (pretension - middle) ** 2)
-    slope = float(np.sum(weight * (pretension - middle) * coulomb) / spread)
-    rest = float(np.sum(weight * coulomb) / total - slope * middle)
-    square = np.sum(weight * pretension**2)
-    squares = np.sum(weight * (coulomb - rest - slope * pretension) ** 2)
+    (slope, rest), cov = np.polyfit(pretension, coulomb, 1, w=1.0 / std, cov="unscaled")
+    slope_std, rest_std = np.sqrt(np.diag(cov))
+    square = float(np.sum((pretension / std) ** 2))
+    squares = np.sum(((coulomb - rest - slope * pretension) / std) ** 2)
     return PretensionFit(
-        ratio=(slope, 1.0 / math.sqrt(spread)),
-        rest=(rest, math.sqrt(1.0 / total + middle**2 / spread)),
-        through_origin=(float(np.sum(weight * pretension * coulomb) / square), 1.0 / math.sqrt(square)),
+        ratio=(float(slope), float(slope_std)),
+        rest=(float(rest), float(rest_std)),
+        through_origin=(float(np.sum(pretension * coulomb / std**2)) / square, 1.0 / math.sqrt(square)),
         misfit=float(squares / (len(pretension) - 2)) if len(pretension) > 2 else math.nan,
     )

@@ -85,16 +85,15 @@ def exciting_motion(conditions: Conditions, rng: np.random.Generator) -> Motion:
     """
     coarse = np.linspace(0.0, min(conditions.duration, 20.0), 500)
     center = np.array(conditions.center)
-    candidates = [_draw(rng) for _ in range(_CANDIDATES)]
-    motions = (wave_motion(coarse, joints, center) for joints in candidates)
-    conditioned = [
-        np.linalg.cond(
-            regressor(motion, lengths=conditions.lengths, gravity=conditions.gravity).reshape(-1, len(NAMES))
-        )
-        for motion in motions
-    ]
+
+    def condition(joints: list[tuple[Wave, ...]]) -> float:
+        motion = wave_motion(coarse, joints, center)
+        W = regressor(motion, lengths=conditions.lengths, gravity=conditions.gravity)
+        return float(np.linalg.cond(W.reshape(-1, len(NAMES))))
+
+    best = min([_draw(rng) for _ in range(_CANDIDATES)], key=condition)
     t = np.arange(round(conditions.duration * conditions.rate_hz)) / conditions.rate_hz
-    return wave_motion(t, candidates[int(np.argmin(conditioned))], center)
+    return wave_motion(t, best, center)
 
 
 def record(

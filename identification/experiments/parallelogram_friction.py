@@ -91,9 +91,9 @@ def friction_test_motion(
         t = np.arange(round(2 / frequency * _RATE_HZ)) / _RATE_HZ
         parts.append(Triangle(_AMPLITUDE, frequency).motion(t))
     wave = np.concatenate(parts, axis=1)
-    q, v, a = (np.zeros((wave.shape[1], 3)) for _ in range(3))
-    for array, values in zip((q, v, a), wave, strict=True):
-        array[:, moving] = values[:, None]
+    motion = np.zeros((*wave.shape, 3))
+    motion[:, :, list(moving)] = wave[:, :, None]
+    q, v, a = (motion[k] for k in range(3))
     return Motion(np.arange(wave.shape[1]) / _RATE_HZ, q + np.array(_CENTER), v, a)
 
 
@@ -138,12 +138,14 @@ def passive_friction(tests: Mapping[str, Mapping[int, LinearFit]]) -> dict[str, 
 
 
 def _moving(test: str) -> tuple[int, ...]:
+    """Indices of the joints that move in a test, after a check of its name."""
     if test not in MOVING:
         raise ParameterError(f"There is no friction test {test!r}: take one of {', '.join(MOVING)}.")
     return MOVING[test]
 
 
 def _fit_joint(test: str, joint: int, motion: Motion, tau: Array) -> LinearFit:
+    """Viscous and Coulomb friction of one joint in a test, named as in Table 3."""
     name = f"{2 if joint == 1 else 5}{test}"
     try:
         names, units = (f"FV{name}", f"FC{name}"), ("N m s/rad", "N m")

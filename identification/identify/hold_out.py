@@ -12,7 +12,7 @@ from identification.data.checks.positions import still_joints
 from identification.data.log import Log
 from identification.data.recording import Recording, time_text
 from identification.data.signals import choose_cutoff, process, uniform, within_limits
-from identification.estimators.fit import Fit
+from identification.estimators.fit import Fit, relative_rms
 from identification.identify.identification import Evidence, JointError
 from identification.regression.regressor import Regressor
 from identification.reporting.charts.thinning import gap_starts
@@ -103,15 +103,15 @@ def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
     Raises:
         LogError: The message states the band, the number of samples, and how to get more.
     """
-    fit = int(np.ceil(_EQUATIONS * max(unknowns, 1) / robot.nv))
-    judge = max(2, int(np.ceil(SHARE / (1 - SHARE) * fit)))
-    for part, wanted, does in ((split.train, fit, "to fit"), (split.test, judge, "to judge on")):
+    for_fit = int(np.ceil(_EQUATIONS * max(unknowns, 1) / robot.nv))
+    for_test = max(2, int(np.ceil(SHARE / (1 - SHARE) * for_fit)))
+    for part, wanted, purpose in ((split.train, for_fit, "to fit"), (split.test, for_test, "to judge on")):
         samples = _count(part)
         if samples < wanted:
             files = " and ".join(Path(log.file).name for log in part)
             raise LogError(
-                f"{files}: {samples} independent samples are left {does}, wanted {wanted} for {unknowns} parameters of "
-                f"{_joints(robot)}: motion and torque stand above their noise up to {split.cutoff_hz:.2g} Hz, which "
+                f"{files}: {samples} independent samples are left {purpose}, wanted {wanted} for {unknowns} parameters "
+                f"of {_joints(robot)}: motion and torque stand above their noise up to {split.cutoff_hz:.2g} Hz, which "
                 f"makes {max(log.band.output_rate_hz for log in part):.2g} such samples a second; record more or "
                 "faster motion, exclude less, or fit fewer parameters (--friction)."
             )
@@ -182,9 +182,8 @@ def joint_errors(
         given: Torque of the given model [N m or N], shape ``(N, nv)``.
         fitted: Relative error on the samples of the fit [%], shape ``(nv,)``.
     """
-    size = np.sqrt(np.mean(measured**2, axis=0))
-    rms, before = (np.sqrt(np.mean((measured - model) ** 2, axis=0)) for model in (predicted, given))
-    relative, relative_given = (relative_to(values, size) for values in (rms, before))
+    rms = np.sqrt(np.mean((measured - predicted) ** 2, axis=0))
+    relative, relative_given = (relative_rms(measured - model, measured) for model in (predicted, given))
     return tuple(
         JointError(
             joint,
@@ -197,11 +196,6 @@ def joint_errors(
         )
         for j, (joint, unit) in enumerate(zip(robot.joint_names, robot.torque_units, strict=True))
     )
-
-
-def relative_to(values: Array, size: Array) -> Array:
-    """Values divided by sizes; NaN for a size of zero."""
-    return np.divide(values, size, out=np.full(len(values), np.nan), where=size > 0)
 
 
 def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) -> Evidence:

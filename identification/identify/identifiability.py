@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.data.log import Band, Log
-from identification.estimators.fit import Fit
+from identification.data.log import Log
+from identification.estimators.fit import Fit, unfiltered_log
 from identification.identify.identification import BodyParameters, Parameter, Share, Unidentified
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.regressor import EffectOnJoint, torque_regressor
@@ -41,9 +41,7 @@ def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> Ba
     else:
         q = log.motion.q[np.linspace(0, len(log.motion.t) - 1, _SAMPLES).astype(int)]
     v, a = rng.standard_normal((2, _SAMPLES, robot.nv))
-    motion = Motion(np.arange(float(_SAMPLES)), q, v, a)
-    unfiltered = Band(1.0, 0.5, np.ones(1), 1)
-    random_log = Log("random motion", robot.joint_names, motion, np.zeros_like(q), unfiltered, np.ones(_SAMPLES, bool))
+    random_log = unfiltered_log(robot, Motion(np.arange(float(_SAMPLES)), q, v, a))
     return base_parameters(torque_regressor(robot, random_log, effects))
 
 

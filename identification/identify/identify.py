@@ -22,7 +22,7 @@ from identification.data.refusal import fault_warnings, require_right
 from identification.diagnosis.columns.blocks import split_blocks
 from identification.diagnosis.replay import Replay
 from identification.estimators.estimator_list import Estimator, estimator_named
-from identification.estimators.fit import Fit
+from identification.estimators.fit import Fit, relative_rms
 from identification.estimators.iv import hausman_test
 from identification.estimators.linear.cautions import About
 from identification.estimators.weighted_least_squares import wls
@@ -32,7 +32,6 @@ from identification.identify.hold_out import (
     caution,
     held_out_evidence,
     joint_errors,
-    relative_to,
     require_enough,
     split_logs,
 )
@@ -166,7 +165,7 @@ def _held_out(robot: Robot, split: Split, fit: Fit) -> Float[Array, " nv"]:
     """Relative error of each joint on held-out data, shape ``(nv,)``; NaN without torque."""
     measured = np.concatenate([Regressor.in_band(log, log.tau) for log in split.test])
     residual = measured - np.concatenate([Regressor.in_band(log, fit.predict(robot, log.motion)) for log in split.test])
-    return relative_to(np.sqrt(np.mean(residual**2, axis=0)), np.sqrt(np.mean(measured**2, axis=0)))
+    return relative_rms(residual, measured)
 
 
 def missed_sentences(joints: Sequence[JointError], shared: Sequence[Shared]) -> tuple[str, ...]:

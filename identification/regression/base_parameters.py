@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.regression.reduction import Reduction
 from identification.regression.regressor import Regressor
 from identification.regression.triangular import dependent_columns, r_factor
 from phantom_dyn.array_types import Array, Bool, Float
@@ -34,7 +35,7 @@ class BaseParameters:
         units: Units of all columns.
         independent: The ``r`` independent columns, ascending.
         dependent: All other columns, ascending.
-        zero: Dependent columns that never produce torque.
+        zero: Dependent columns without torque in any sample.
         grouping: ``W[:, dependent] == W[:, independent] @ grouping``, shape ``(r, p - r)``.
         norms: Norms of all columns.
         singular_values: Singular values of the independent columns, each column divided by its norm; shape ``(r,)``,
@@ -64,7 +65,9 @@ class BaseParameters:
     def base_names(self) -> tuple[str, ...]:
         """Names of the base parameters, with an ``R`` at the end if other parameters are regrouped into it."""
         regrouped = [bool(row.any()) for row in self.regrouped]
-        return tuple(self.names[k] + "R" * more for k, more in zip(self.independent, regrouped, strict=True))
+        return tuple(
+            f"{self.names[k]}R" if more else self.names[k] for k, more in zip(self.independent, regrouped, strict=True)
+        )
 
     @property
     def base_units(self) -> tuple[str, ...]:
@@ -103,15 +106,14 @@ class BaseParameters:
         }
 
 
-def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
-    """Base parameters of a regressor for its own samples.
+def base_parameters(regressor: Regressor) -> BaseParameters:
+    """Base parameters of a regressor for its own samples."""
+    return base_of_reduction(regressor.reduction)
 
-    Args:
-        regressor: The regressor.
-        tolerance: Smallest relative part of an independent column, see `RANK_TOLERANCE`.
-    """
-    factor = regressor.reduction.factor()[:, :-1]
-    return base_parameters_of_matrix(factor, regressor.names, regressor.units, tolerance=tolerance)
+
+def base_of_reduction(reduction: Reduction) -> BaseParameters:
+    """Base parameters that the equations of one recording, or of several, determine."""
+    return base_parameters_of_matrix(reduction.factor()[:, :-1], reduction.names, reduction.units)
 
 
 def base_parameters_of_matrix(

@@ -23,8 +23,8 @@ def touched_columns(
     """For each joint, the columns on which its torque can depend: those of the bodies it carries and of its effects.
 
     Args:
-        robot: Gives the bodies.
-        effects: For each effect, the rows on which it acts, and its number of columns.
+        robot: The robot with its bodies.
+        effects: For each effect, the indices of the joints on which it acts, and its number of columns.
         rigid_body: True if the first columns are those of the bodies.
     """
     out: list[list[int]] = [[] for _ in range(robot.nv)]
@@ -35,12 +35,10 @@ def touched_columns(
             out = [list(range(column)) for _ in range(robot.nv)]
         else:
             for body in range(1, robot.model.njoints):
-                joint = body
-                while joint > 0:
+                for joint in list(robot.model.supports[body])[1:]:  # the joints that carry the body
                     first = robot.model.idx_vs[joint]
                     for row in range(first, first + robot.model.nvs[joint]):
                         out[row].extend(range(10 * (body - 1), 10 * body))
-                    joint = robot.model.parents[joint]
     for rows, count in effects:
         for row in rows:
             out[row].extend(range(column, column + count))
@@ -52,7 +50,7 @@ def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...
     """Columns of effects in the band of a log, for all its samples.
 
     Args:
-        log: Gives the band.
+        log: The recording with its band.
         signatures: Columns of the effects, computed for the whole motion of the log, as some effects depend on the
             past.
     """
@@ -76,7 +74,7 @@ def blocks_of(
     """Blocks of the equations of one log, with its valid samples only.
 
     Args:
-        robot: Gives the rigid bodies.
+        robot: The robot with its rigid bodies.
         log: The recording.
         effects: Effects from `banded`.
         rigid_body: True if the first columns are those of the bodies.
@@ -102,10 +100,10 @@ def blocks_of(
             block[:, :, : len(rigid)] = band(rigid_body_regressor(robot, reach, columns=rigid))
         column = len(rigid)
         for rows, values in chosen:
-            wide = values.shape[2]
+            count = values.shape[2]
             for place, row in enumerate(rows):
-                block[:, row, column : column + wide] = values[first:last, place]
-            column += wide
+                block[:, row, column : column + count] = values[first:last, place]
+            column += count
         valid = valid_rows[first:last]
         yield block if valid.all() else block[valid]
 

@@ -16,7 +16,7 @@ left out to save time:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,14 +69,16 @@ class Reduction:
         Args:
             columns: Some of the ``p`` columns, in any order.
         """
-        out = []
-        for columns_of_joint, factor in zip(self.columns, self.factors, strict=True):
-            place = {column: k for k, column in enumerate(columns_of_joint)}
-            wide = np.zeros((len(factor), len(columns) + 1))
-            present = [k for k, column in enumerate(columns) if column in place]
-            wide[:, present] = factor[:, [place[columns[k]] for k in present]]
-            wide[:, -1] = factor[:, -1]
-            out.append(wide)
+        return [self.rows_of_joint(joint, columns) for joint in range(len(self.factors))]
+
+    def rows_of_joint(self, joint: int, columns: Sequence[int]) -> Float[Array, "_ _"]:
+        """The rows of one joint, see `rows`; columns on which its torque does not depend are zero."""
+        factor = self.factors[joint]
+        place = {column: k for k, column in enumerate(self.columns[joint])}
+        out = np.zeros((len(factor), len(columns) + 1))
+        present = [k for k, column in enumerate(columns) if column in place]
+        out[:, present] = factor[:, [place[columns[k]] for k in present]]
+        out[:, -1] = factor[:, -1]
         return out
 
     def factor(self) -> Float[Array, "q q"]:
@@ -134,18 +136,9 @@ def combined(reductions: Sequence[Reduction]) -> Reduction:
     for joint in range(len(first.factors)):
         union = sorted({column for one in reductions for column in one.columns[joint]})
         columns.append(tuple(union))
-        factors.append(triangular(np.concatenate([_joint_rows(one, joint, union) for one in reductions])))
+        factors.append(triangular(np.concatenate([one.rows_of_joint(joint, union) for one in reductions])))
     samples = sum(one.samples for one in reductions)
     return Reduction(first.names, first.units, first.joint_names, tuple(columns), tuple(factors), samples)
-
-
-def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Array:
-    """Factor of one joint, extended to more columns."""
-    factor = reduction.factors[joint]
-    rows = np.zeros((len(factor), len(columns) + 1))
-    rows[:, np.searchsorted(columns, reduction.columns[joint])] = factor[:, :-1]
-    rows[:, -1] = factor[:, -1]
-    return rows
 
 
 @dataclass(frozen=True)
@@ -154,14 +147,14 @@ class _Relation:
 
     Attributes:
         places: For each joint, the positions of the kept columns among its columns.
-        widen: For each joint, the matrix that maps the kept columns and the torque to all columns and the torque.
+        to_all: For each joint, the matrix that maps the kept columns and the torque to all columns and the torque.
         probes: Coefficients of random combinations of all columns, ``(p, 5)``. The first four combinations are zero
             where the relations hold; the last one gives the scale.
         samples: Number of samples from which the relations were determined.
     """
 
     places: tuple[Array, ...]
-    widen: tuple[Array, ...]
+    to_all: tuple[Array, ...]
     probes: Array
     samples: int
 
@@ -187,24 +180,28 @@ def reduce_blocks(
     relation: _Relation | None = None
     samples = attempts = 0
     with one_blas_thread():
-        for block, y in blocks:
-            for start in range(0, len(block), ROWS):
-                part, torque = block[start : start + ROWS], y[start : start + ROWS]
-                if relation is None and samples > 0 and attempts < _ATTEMPTS:
-                    relation, attempts = _relation_of(factors, columns_of_joints, names, units, samples), attempts + 1
-                    factors = [
-                        triangular(factor[:, [*place, -1]])
-                        for factor, place in zip(factors, relation.places, strict=True)
-                    ]
-                if relation is not None and not _is_satisfied(relation, part):
-                    factors, relation = _wide(factors, relation), None
-                for joint, factor in enumerate(factors):
-                    place = slice(None) if relation is None else relation.places[joint]
-                    absorb(factor, _rows(part, torque, joint, columns_of_joints[joint][place]))
-                samples += len(part)
+        for part, torque in _small_blocks(blocks):
+            if relation is None and samples > 0 and attempts < _ATTEMPTS:
+                attempts += 1
+                relation = _relation_of(factors, columns_of_joints, names, units, samples)
+                kept = zip(factors, relation.places, strict=True)
+                factors = [triangular(factor[:, [*place, -1]]) for factor, place in kept]
+            if relation is not None and not _is_satisfied(relation, part):
+                factors, relation = _with_all_columns(factors, relation), None
+            for joint, factor in enumerate(factors):
+                place = slice(None) if relation is None else relation.places[joint]
+                absorb(factor, _rows(part, torque, joint, columns_of_joints[joint][place]))
+            samples += len(part)
         if relation is not None:
-            factors = _wide(factors, relation)
+            factors = _with_all_columns(factors, relation)
     return Reduction(names, units, joint_names, columns, tuple(factors), samples)
+
+
+def _small_blocks(blocks: Iterable[tuple[Array, Array]]) -> Iterator[tuple[Array, Array]]:
+    """The blocks, divided into blocks of at most `ROWS` samples."""
+    for block, torque in blocks:
+        for start in range(0, len(block), ROWS):
+            yield block[start : start + ROWS], torque[start : start + ROWS]
 
 
 def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
@@ -230,34 +227,36 @@ def _relation_of(
         stacked[row : row + len(factor), columns] = factor[:, :-1]
         row += len(factor)
     kept, dependent, grouping, scale = dependent_columns(triangular(stacked), units, _DEPENDENCE)
-    # Matrix that maps the kept columns to all p columns, and random combinations of columns that are zero if it holds.
+    # Matrix that maps the kept columns to all p columns.
     matrix = np.zeros((p, p))
     matrix[kept, kept] = 1.0
     matrix[np.ix_(kept, dependent)] = grouping
+    # Random combinations of columns that are zero if the relations hold.
     rng = random_stream("probe of a reduction")
     zero = np.zeros((p, _PROBES))
     draws = rng.standard_normal((len(dependent), _PROBES)) / scale[dependent, None]
     zero[dependent] = draws
     zero[kept] = -grouping @ draws
     probes = np.column_stack([zero, rng.standard_normal(p) / scale])
-    places, widen = [], []
+    places, to_all = [], []
     for columns in columns_of_joints:
         place = np.flatnonzero(np.isin(columns, kept))
         places.append(place)
-        wide = np.zeros((len(place) + 1, len(columns) + 1))
-        wide[:-1, :-1] = matrix[np.ix_(columns[place], columns)]
-        wide[-1, -1] = 1.0
-        widen.append(wide)
-    return _Relation(tuple(places), tuple(widen), probes, samples)
+        of_joint = np.zeros((len(place) + 1, len(columns) + 1))
+        of_joint[:-1, :-1] = matrix[np.ix_(columns[place], columns)]
+        of_joint[-1, -1] = 1.0
+        to_all.append(of_joint)
+    return _Relation(tuple(places), tuple(to_all), probes, samples)
 
 
-def _wide(factors: Sequence[Array], relation: _Relation) -> list[Array]:
+def _with_all_columns(factors: Sequence[Array], relation: _Relation) -> list[Array]:
     """Factors extended from the kept columns to all columns."""
-    return [triangular(factor @ wide) for factor, wide in zip(factors, relation.widen, strict=True)]
+    return [triangular(factor @ to_all) for factor, to_all in zip(factors, relation.to_all, strict=True)]
 
 
 def _is_satisfied(relation: _Relation, block: Array) -> bool:
     """True if the relations hold in every row of a block."""
-    seen = block.reshape(-1, block.shape[2]) @ relation.probes
-    *zero, size = np.einsum("nk,nk->k", seen, seen)
+    combinations = block.reshape(-1, block.shape[2]) @ relation.probes
+    *zero, size = np.einsum("nk,nk->k", combinations, combinations)
+    # The second term is the mean size of as many samples before: all of those together have a size of order one.
     return bool(max(zero) <= _LARGEST_PROBE**2 * (size + len(block) / relation.samples))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -88,7 +88,7 @@ class Regressor:
     r"""The equations :math:`W \theta = y` of a robot, its logs and effects.
 
     Attributes:
-        robot: Gives the rigid bodies.
+        robot: The robot with its rigid bodies.
         logs: Recordings, ready for fitting.
         terms: Effects with their joints and shapes.
         rigid_body: True if inertial parameters are unknowns; False if the torque of the given model is subtracted.
@@ -108,13 +108,12 @@ class Regressor:
     @cached_property
     def count(self) -> int:
         """Number ``N`` of valid samples over all logs, at the reduced rate of the band."""
-        return sum(int(log.valid_in_band.sum()) for log in self.logs)
+        return self.starts[-1]
 
     @cached_property
     def starts(self) -> tuple[int, ...]:
         """Index of the first sample of each log, and last ``N``."""
-        counts = [int(log.valid_in_band.sum()) for log in self.logs]
-        return tuple(int(k) for k in np.concatenate([[0], np.cumsum(counts)]))
+        return tuple(accumulate((int(log.valid_in_band.sum()) for log in self.logs), initial=0))
 
     @property
     def first_effect(self) -> int:
@@ -175,12 +174,14 @@ class Regressor:
             yield from self._computed_blocks(columns)
 
     def _with_torque(self) -> Iterator[tuple[Float[Array, "n nv p"], Float[Array, "n nv"]]]:
+        """Blocks of the regressor, each with the right-hand side of its samples."""
         start = 0
         for block in self.blocks():
             yield block, self.y[start : start + len(block)]
             start += len(block)
 
     def _computed_blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
+        """Blocks of the regressor, computed anew."""
         for log, effects in zip(self.logs, self._effects(), strict=True):
             yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK, columns=columns)
 
@@ -191,9 +192,11 @@ class Regressor:
 
     @cached_property
     def _kept_effects(self) -> tuple[tuple[BandedEffect, ...], ...]:
+        """Columns of the effects for each log."""
         return tuple(map(self._effects_on, self.logs))
 
     def _effects_on(self, log: Log) -> tuple[BandedEffect, ...]:
+        """Columns of the effects for one log."""
         if not self.terms:
             return ()
         operation = Operation.of(self.robot, log.motion, log.tau, log.temperature)
@@ -208,7 +211,7 @@ def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[
     Armature and friction of the model are known; the effects are added to them.
 
     Args:
-        robot: Gives the rigid bodies.
+        robot: The robot with its rigid bodies.
         logs: One recording or several.
         effects: Effects that may act on the joints in addition to the rigid bodies.
 
@@ -247,7 +250,10 @@ def known_torque(robot: Robot, motion: Motion, *, rigid_body: bool) -> Float[Arr
     return rotor_torque(robot, motion) + modelled_friction(robot, motion)
 
 
-def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint], *, rigid_body: bool):
+def _regressor(
+    robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint], *, rigid_body: bool
+) -> Regressor:
+    """The equations, after a check of the logs."""
     several = (logs,) if isinstance(logs, Log) else tuple(logs)
     for log in several:
         if log.joint_names != robot.joint_names:
@@ -261,9 +267,9 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
     signatures = []
     if effects:
         operation = Operation.of(robot, log.motion, log.tau, log.temperature)
-        start = Operation.of(robot, log.motion.at(slice(_FEW_SAMPLES)), log.tau[:_FEW_SAMPLES])
+        few = Operation.of(robot, log.motion.at(slice(_FEW_SAMPLES)), log.tau[:_FEW_SAMPLES])
         terms = (term_of(robot, operation, given) for given in effects)
-        signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]
+        signatures = [(term, term.effect.signature(robot, few, term.joint, term.shape)) for term in terms]
     effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)
     effect_units = tuple(unit for _, signature in signatures for unit in signature.units)
     return Regressor(

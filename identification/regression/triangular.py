@@ -52,9 +52,14 @@ def triangular(rows: Float[Array, "m p"]) -> Float[Array, "p p"]:
         rows: Rows ``W``; they are not changed.
     """
     factor = np.zeros((rows.shape[1], rows.shape[1]), order="F")
+    _absorb_copies(factor, rows)
+    return factor
+
+
+def _absorb_copies(factor: Float[Array, "p p"], rows: Float[Array, "m p"]) -> None:
+    """Do as `absorb`, for rows in any order and number, which are not changed."""
     for start in range(0, len(rows), ROWS):
         absorb(factor, np.array(rows[start : start + ROWS], dtype=float, order="F"))
-    return factor
 
 
 def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
@@ -79,8 +84,7 @@ def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
                 continue
             rows = np.concatenate(first)
             factor = np.zeros((rows.shape[1], rows.shape[1]), order="F")
-        for start in range(0, len(rows), ROWS):
-            absorb(factor, np.array(rows[start : start + ROWS], dtype=float, order="F"))
+        _absorb_copies(factor, rows)
     if factor is not None:
         return factor
     if not first:

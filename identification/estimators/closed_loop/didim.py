@@ -17,7 +17,15 @@ from collections.abc import Iterable
 import numpy as np
 
 from identification.data.signals import align_held_torque
-from identification.estimators.closed_loop.loop import Feedback, Loop, Resimulation, not_settled, resimulated, start_of
+from identification.estimators.closed_loop.loop import (
+    MOST_SIMULATIONS,
+    Feedback,
+    Loop,
+    Resimulation,
+    not_settled,
+    resimulated,
+    start_of,
+)
 from identification.estimators.fit import Fit, fit_of, values_of_influence
 from identification.estimators.linear.least_squares import factor_of, influence_of, least_squares
 from identification.estimators.linear.scatter import residual_noise
@@ -36,13 +44,12 @@ _LARGEST_MISFIT = 0.5
 _FITTED_GAINS = 0.2
 
 
-def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations: int = 20) -> Fit:
+def didim(regressor: Regressor, *, feedback: Feedback | None = None) -> Fit:
     """Base parameters from references and torques, by simulations of the closed loop.
 
     Args:
         regressor: The equations.
         feedback: The controllers; by default those of ``robot.yaml``.
-        iterations: Largest number of simulations of the recordings.
 
     Raises:
         LogError: If a log has no references.
@@ -53,7 +60,7 @@ def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations:
     start = start_of(regressor, feedback)
     require_own_controllers(start.loops)
     base, theta, simulation, weights = start.base, start.theta, start.simulation, start.weights
-    for _ in range(iterations):
+    for _ in range(MOST_SIMULATIONS):
         rows, target = simulation.rows(base), _target(regressor, simulation)
         found, factor = least_squares(rows, target, weights)
         influence = influence_of(rows, factor, weights)
@@ -63,7 +70,7 @@ def didim(regressor: Regressor, *, feedback: Feedback | None = None, iterations:
         theta, simulation = _damped_step(regressor, start.loops, base, theta, step)
         if (np.abs(step) <= _SETTLED * std + 1e-9 * np.abs(theta)).all():
             return _fit(regressor, base, theta, simulation, weights)
-    raise not_settled(iterations)
+    raise not_settled()
 
 
 def _target(regressor: Regressor, simulation: Resimulation) -> Float[Array, "N nv"]:
@@ -94,6 +101,7 @@ def _fit(
     simulation: Resimulation,
     weights: Float[Array, " nv"],
 ) -> Fit:
+    """The fit with converged estimates, from the simulation with these."""
     rows = simulation.rows(base)
     factor = factor_of(rows, weights)
     target, influence = _target(regressor, simulation), influence_of(rows, factor, weights)

@@ -30,6 +30,8 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 _STEP = 5e-4  # longest integration step [s], as in `phantom_dyn.simulation.simulate`
+MOST_SIMULATIONS = 20
+"""Largest number of simulations of the recordings in which the estimates have to converge."""
 
 
 @dataclass(frozen=True)
@@ -77,24 +79,24 @@ def feedback_of(robot: Robot) -> Feedback:
         ParameterError: If a joint with a drive has no controller, or one that cannot be simulated, or if the delays of
             the controllers differ.
     """
-    pairs = list(zip(robot.joint_names, robot.actuators, strict=True))
-    lacking = [joint for joint, actuator in pairs if actuator.actuated and actuator.controller is None]
+    joints = zip(robot.joint_names, robot.actuators, strict=True)
+    lacking = [joint for joint, actuator in joints if actuator.actuated and actuator.controller is None]
     if lacking:
         raise ParameterError(
             f"The robot states no controller of {', '.join(lacking)}: add controller: {{kind: pd, kp: ..., kd: ...}} "
             "under joints in robot.yaml, or use an estimator without simulation, such as wls."
         )
-    limited = [
+    stated = [actuator.controller for actuator in robot.actuators]
+    unknown = [
         joint
-        for joint, a in pairs
-        if a.controller and (a.controller.reference_delay > 0 or np.isfinite(a.controller.limit))
+        for joint, controller in zip(robot.joint_names, stated, strict=True)
+        if controller and (controller.reference_delay > 0 or np.isfinite(controller.limit))
     ]
-    if limited:
+    if unknown:
         raise ParameterError(
-            f"The controllers of {', '.join(limited)} have late references or shares of a supply, which the simulation "
+            f"The controllers of {', '.join(unknown)} have late references or shares of a supply, which the simulation "
             "does not know: use an estimator without simulation, such as wls."
         )
-    stated = [actuator.controller for _, actuator in pairs]
     delays = {controller.delay for controller in stated if controller is not None}
     if len(delays) > 1:
         raise ParameterError(f"The controllers are late by {sorted(delays)} s: the simulation wants one delay for all.")
@@ -226,7 +228,7 @@ def loops_of(regressor: Regressor, feedback: Feedback | None) -> tuple[Loop, ...
     """The closed loops of the recordings of a regressor.
 
     Args:
-        regressor: Gives robot and logs.
+        regressor: The equations, with robot and logs.
         feedback: The controllers; by default those of ``robot.yaml``.
 
     Raises:
@@ -244,7 +246,7 @@ def resimulated(
     """Simulation of the recordings by a robot with the given base parameters.
 
     Args:
-        regressor: Gives robot, terms and recordings.
+        regressor: The equations, with robot, terms and recordings.
         loops: Recordings with their controllers.
         base: The unknowns.
         theta: Values of the unknowns.
@@ -300,8 +302,9 @@ def start_of(regressor: Regressor, feedback: Feedback | None) -> Start:
     return Start(loops, simulation, base, base.values(simulation.full), weights)
 
 
-def not_settled(iterations: int) -> EstimationError:
-    """The error of an estimator that does not converge within the allowed iterations."""
+def not_settled() -> EstimationError:
+    """The error of an estimator that does not converge."""
     return EstimationError(
-        f"The estimates did not settle within {iterations} simulations: check references, controllers and the delay."
+        f"The estimates did not settle within {MOST_SIMULATIONS} simulations: check references, controllers and the "
+        "delay."
     )

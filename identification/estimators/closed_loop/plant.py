@@ -60,7 +60,7 @@ def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r
     Dependent parameters have the values of the model: its inertial parameters, and zero for effects.
 
     Args:
-        regressor: Gives robot and terms.
+        regressor: The equations, with robot and terms.
         base: Base parameters: the independent columns, and how the dependent ones are grouped with them.
         theta: Values of the base parameters.
 
@@ -80,7 +80,7 @@ def all_parameters(regressor: Regressor, base: BaseParameters, theta: Float[Arra
     """Values of all parameters for the given base parameters; dependent ones have the values of the model.
 
     Args:
-        regressor: Gives robot and columns.
+        regressor: The equations, with robot and columns.
         base: Base parameters: the independent columns, and how the dependent ones are grouped with them.
         theta: Values of the base parameters.
     """
@@ -102,7 +102,7 @@ def require_simulable(regressor: Regressor) -> None:
     """Raise an error, before anything is computed, if the compiled simulation lacks one of the effects.
 
     Args:
-        regressor: Gives robot and terms.
+        regressor: The equations, with robot and terms.
 
     Raises:
         ParameterError: If a term has no law in the compiled simulation.
@@ -166,45 +166,46 @@ def _row(robot: Robot, joint: str | None) -> int:
     return [*robot.joint_names, *robot.passive_names].index(joint or "")
 
 
-def _viscous(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.friction[_row(robot, term.joint), 3:] += c[0]
+def _viscous(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    plant.friction[_row(robot, term.joint), 3:] += theta[0]
 
 
-def _coulomb(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.friction[_row(robot, term.joint), 0] += c[0]
+def _coulomb(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    plant.friction[_row(robot, term.joint), 0] += theta[0]
 
 
-def _stribeck(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.friction[_row(robot, term.joint), :3] += [c[0], c[1], term.shape[0] - 1.0]
+def _stribeck(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    plant.friction[_row(robot, term.joint), :3] += [theta[0], theta[1], term.shape[0] - 1.0]
 
 
-def _directions(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
+def _directions(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
     row = _row(robot, term.joint)
-    plant.friction[row, 0] += 0.5 * (c[0] + c[1])
-    plant.constant_torque[row] -= 0.5 * (c[0] - c[1])
-    plant.friction[row, 3:] += c[2:]
+    plant.friction[row, 0] += 0.5 * (theta[0] + theta[1])
+    plant.constant_torque[row] -= 0.5 * (theta[0] - theta[1])
+    plant.friction[row, 3:] += theta[2:]
 
 
-def _offset(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
-    plant.constant_torque[_row(robot, term.joint)] += c[0]
+def _offset(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    plant.constant_torque[_row(robot, term.joint)] += theta[0]
 
 
-def _rotor(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
+def _rotor(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
     row = _row(robot, term.joint)
-    plant.rotor[row, row] += c[0]
+    plant.rotor[row, row] += theta[0]
 
 
-def _spring(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
+def _spring(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
     row = _row(robot, term.joint)
-    plant.stiffness[row] += c[0]
-    plant.constant_torque[row] -= c[1]
+    plant.stiffness[row] += theta[0]
+    plant.constant_torque[row] -= theta[1]
 
 
-def _bodies(plant: Plant, robot: Robot, term: RegressorTerm, c: Array) -> None:
+def _bodies(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
     body, parameter = np.divmod(term.effect.regressor_columns(robot, term.joint), 10)
-    plant.bodies[body, parameter] += c
+    plant.bodies[body, parameter] += theta
 
 
+# Functions that add the effect of a term with the coefficients ``theta`` to a plant, by the name of the effect.
 _LAWS: dict[str, Callable[[Plant, Robot, RegressorTerm, Array], None]] = {
     "viscous_friction": _viscous,
     "coulomb_friction": _coulomb,

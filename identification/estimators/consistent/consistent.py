@@ -22,7 +22,7 @@ from identification.estimators.consistent.consistent_program import (
     nearest_unconstrained,
     solve_program,
 )
-from identification.estimators.fit import Fit
+from identification.estimators.fit import Fit, relative_rms
 from identification.estimators.linear.cautions import About, Caution
 from identification.estimators.linear.least_squares import base_blocks
 from identification.estimators.weighted_least_squares import floored, wls
@@ -117,6 +117,7 @@ def coefficient_bounds(
 
 
 def _program(robot: Robot, fit: Fit, root: Array) -> Program:
+    """The program of parameters nearest to a fit, whose covariance has the inverse ``root^T root``."""
     standard = standard_parameters(robot)
     if fit.first_effect != len(standard):
         raise ParameterError(
@@ -128,6 +129,7 @@ def _program(robot: Robot, fit: Fit, root: Array) -> Program:
 
 
 def _full(fit: Fit, pi: Array) -> FullParameters:
+    """All parameters, with the change of the base parameters in standard deviations of the fit."""
     with np.errstate(divide="ignore", invalid="ignore"):
         shift = (fit.base.values(pi) - fit.theta) / fit.std()
     return FullParameters(fit.base.names, pi, shift)
@@ -185,7 +187,10 @@ def _constrained(
     held = _held_sentences(regressor, solution)
     fit = replace(free, theta=free.base.values(solution.pi))
     if held or prior is not None:
-        fit = replace(fit, relative_error=_relative_error(regressor, fit))
+        residual = np.empty_like(regressor.y)
+        for at, block in base_blocks(regressor, fit.base):
+            residual[at] = regressor.y[at] - block @ fit.theta
+        fit = replace(fit, relative_error=100 * relative_rms(residual, regressor.measured))
     if prior is not None:
         fit = replace(fit, cov=_shrunk(free, program, free.cov), cov_white=_shrunk(free, program, free.cov_white))
     if held:
@@ -199,16 +204,6 @@ def _constrained(
         fit = replace(fit, cautions=cautions)
     shared = {field.name: getattr(fit, field.name) for field in fields(Fit)}
     return ConsistentFit(**shared, pi=solution.pi, held=held)
-
-
-def _relative_error(regressor: Regressor, fit: Fit) -> Float[Array, " nv"]:
-    """RMS of a fit's residual divided by the RMS of the measured torque [%]; nan for a joint without torque."""
-    residual = np.empty_like(regressor.y)
-    for at, block in base_blocks(regressor, fit.base):
-        residual[at] = regressor.y[at] - block @ fit.theta
-    sizes = np.linalg.norm(regressor.measured, axis=0)
-    error = np.full(len(sizes), np.nan)
-    return np.divide(100 * np.linalg.norm(residual, axis=0), sizes, out=error, where=sizes > 0)
 
 
 def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:

@@ -135,15 +135,13 @@ def solve_program(program: Program) -> ProgramSolution:
     Raises:
         EstimationError: If there is no solution, or the solver does not find it.
     """
-    # The solver needs an objective of order one: with a strong prior the objective is divided by its weight.
-    strength = max(1.0, program.weight)
-    root, weight = np.sqrt(strength), program.weight / strength
-    scaled = program if program.exact else replace(
-        program, factor=program.factor / root, target=program.target / root, weight=weight
-    )  # fmt: skip
+    if program.weight > 1.0 and not program.exact:
+        # The solver needs an objective of order one: with a strong prior the objective is divided by its weight.
+        root = np.sqrt(program.weight)
+        program = replace(program, factor=program.factor / root, target=program.target / root, weight=1.0)
     status = ""
     for largest, tolerance in _ATTEMPTS:
-        solution, status = _attempt(scaled, largest, tolerance)
+        solution, status = _attempt(program, largest, tolerance)
         if solution is not None:
             return solution
     if "infeasible" in status:

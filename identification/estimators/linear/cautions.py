@@ -87,6 +87,7 @@ def misfit_sentences(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
 
 
 def _not_separable(regressor: Regressor, base: BaseParameters) -> Iterator[Caution]:
+    """A warning on coefficients of effects that are combinations of other columns."""
     names = tuple(regressor.names[k] for k in base.dependent if k >= regressor.first_effect)
     if names:
         yield Caution(
@@ -98,6 +99,7 @@ def _not_separable(regressor: Regressor, base: BaseParameters) -> Iterator[Cauti
 
 
 def _ill_conditioned(base: BaseParameters, factor: Array) -> Iterator[str]:
+    """A sentence on the condition number if it is large, with the parameters of the worst determined combination."""
     condition = condition_of(factor)
     if condition > _POOR_CONDITION:
         weakest = np.linalg.svd(factor / np.linalg.norm(factor, axis=0))[2][-1]
@@ -110,11 +112,13 @@ def _ill_conditioned(base: BaseParameters, factor: Array) -> Iterator[str]:
 
 
 def _uncertain(std: Array) -> Iterator[str]:
+    """A sentence on standard deviations if none is known."""
     if np.isnan(std).all():
         yield "There are no more equations than unknowns, so that no uncertainty can be given: record more."
 
 
 def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[Caution]:
+    """A warning on each coefficient that is near a physical bound or beyond it."""
     lower, upper = (bound + 0.0 for bound in coefficient_limits(regressor))  # no "-0" in sentences
     # A coefficient into which others are regrouped has no bounds.
     alone = [not row.any() for row in np.abs(base.grouping) > 1e-9]
@@ -151,7 +155,8 @@ def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[
 
 
 def _at_stops(regressor: Regressor) -> Iterator[str]:
-    limits = position_limits(regressor.robot)
+    """A sentence on each joint that rests at a position limit, by recording."""
+    lower, upper = position_limits(regressor.robot)
     units = regressor.robot.position_units
     for log in regressor.logs:
         q, v = log.motion.q[log.valid], log.motion.v[log.valid]
@@ -159,8 +164,8 @@ def _at_stops(regressor: Regressor) -> Iterator[str]:
             continue
         standstill = np.abs(v) < _STANDSTILL * np.abs(v).max(axis=0)
         # A joint without limits has no stop.
-        near = np.where(np.isfinite(limits[0]) & np.isfinite(limits[1]), _NEAR * (limits[1] - limits[0]), -np.inf)
-        for side, bound, gap in (("lower", limits[0], q - limits[0]), ("upper", limits[1], limits[1] - q)):
+        near = np.where(np.isfinite(lower) & np.isfinite(upper), _NEAR * (upper - lower), -np.inf)
+        for side, bound, gap in (("lower", lower, q - lower), ("upper", upper, upper - q)):
             share = np.mean(standstill & (gap <= near), axis=0)
             for j in np.flatnonzero(share > _OFTEN):
                 yield (
@@ -171,6 +176,7 @@ def _at_stops(regressor: Regressor) -> Iterator[str]:
 
 
 def _at_torque_limits(regressor: Regressor) -> Iterator[str]:
+    """A sentence on each drive that reaches its torque limit, by recording."""
     for log in regressor.logs:
         for j, actuator in enumerate(regressor.robot.actuators):
             if actuator.torque_limit is None:

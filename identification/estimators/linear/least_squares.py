@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from identification.regression.base_parameters import RANK_TOLERANCE, BaseParameters, base_parameters
+from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.regressor import Regressor
 from identification.regression.triangular import ROWS, absorb, one_blas_thread, triangular
 from phantom_dyn.array_types import Array, Float
@@ -41,13 +41,13 @@ class Solution:
     rows: tuple[Float[Array, "_ N"], ...] = ()
 
 
-def base_of(regressor: Regressor, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
+def base_of(regressor: Regressor) -> BaseParameters:
     """Base parameters of a regressor.
 
     Raises:
         IdentifiabilityError: If no column produces torque.
     """
-    base = base_parameters(regressor, tolerance=tolerance)
+    base = base_parameters(regressor)
     if not base.rank:
         some = ", ".join(regressor.names[:3]) + (", ..." if len(regressor.names) > 3 else "")
         raise IdentifiabilityError(
@@ -133,16 +133,16 @@ def _residual_and_rows(regressor: Regressor, base: BaseParameters, theta: Array)
     """The fields ``residual`` and ``rows`` of `Solution`."""
     places, y = base_places(regressor, base), regressor.y
     residual = np.empty_like(y)
-    few = len(y) * sum(map(len, places)) <= _KEPT
-    rows = tuple(np.empty((len(place), len(y))) for place in places) if few else ()
+    fit_in_memory = len(y) * sum(map(len, places)) <= _KEPT
+    rows = tuple(np.empty((len(place), len(y))) for place in places) if fit_in_memory else ()
     for at, block in base_blocks(regressor, base):
-        if few:
+        if fit_in_memory:
             for joint, place in enumerate(places):
                 rows[joint][:, at] = block[:, joint, place].T
         else:
             np.subtract(y[at], block @ theta, out=residual[at])
-    for joint, mine in enumerate(rows):
-        residual[:, joint] = y[:, joint] - theta[places[joint]] @ mine
+    for joint, rows_of_joint in enumerate(rows):
+        residual[:, joint] = y[:, joint] - theta[places[joint]] @ rows_of_joint
     return residual, rows
 
 

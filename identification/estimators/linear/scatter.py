@@ -57,9 +57,14 @@ def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Fl
         residual: Residual of the fit.
         used: Effective number of parameters that the rows of each joint determine.
     """
-    spare = len(residual) - used
-    has_spare = spare > 1e-6 * len(residual)
-    return np.sqrt(np.where(has_spare, np.sum(residual**2, axis=0), np.nan) / np.where(has_spare, spare, 1.0))
+    return noise_of_squares(np.sum(residual**2, axis=0), len(residual), used)
+
+
+def noise_of_squares(squares: Float[Array, " nv"], samples: int, used: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """Standard deviation of each joint's noise, as `joint_noise`, from the sum of squares of its residual."""
+    spare = samples - used
+    has_spare = spare > 1e-6 * samples
+    return np.sqrt(np.where(has_spare, squares, np.nan) / np.where(has_spare, spare, 1.0))
 
 
 def white_scatter(solution: Solution, scatter: Float[Array, " nv"]) -> Float[Array, "r r"]:
