@@ -70,13 +70,13 @@ def stated_limits(robot: Robot) -> StatedLimits:
     if not np.isfinite(torque).all():
         unlimited = [name for name, limit in zip(robot.joint_names, torque, strict=True) if not np.isfinite(limit)]
         notes.append(f"The robot states no torque limit of {', '.join(unlimited)}: the torque is not limited there.")
-    linear = linear_joints(model)
-    return StatedLimits(names, linear, lower, upper, _or_none(np.array(model.velocityLimit)), torque, tuple(notes))
+    velocity = _infinite_unless_stated(np.array(model.velocityLimit))
+    return StatedLimits(names, linear_joints(model), lower, upper, velocity, torque, tuple(notes))
 
 
 def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
     """Largest torque of each drive: its ``torque_limit``, or the effort limit of the file; infinite if neither."""
-    torque = _or_none(np.array(robot.model.effortLimit))[list(robot.tree_rows)]
+    torque = _infinite_unless_stated(np.array(robot.model.effortLimit))[list(robot.tree_rows)]
     for row, drive in enumerate(robot.actuators):
         if drive.torque_limit is not None:
             torque[row] = drive.torque_limit
@@ -97,7 +97,7 @@ def require_excitable(robot: Robot, frames: Sequence[str]) -> None:
             raise RobotError(f"{robot.name} has no frame {name!r}: {known_names(name, known, 'frames')}")
 
 
-def _or_none(limit: Float[Array, " n"]) -> Float[Array, " n"]:
+def _infinite_unless_stated(limit: Float[Array, " n"]) -> Float[Array, " n"]:
     """The limits, infinite for numbers that mean no limit."""
     return np.where((limit > 0) & (limit < _UNLIMITED), limit, np.inf)
 

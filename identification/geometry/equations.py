@@ -216,6 +216,7 @@ def _equations_of_set(
     base = pin.SE3(estimate.base[one.recording]) * placed(base_error)
     tool = pin.SE3(estimate.tool[number]) * placed(tool_error)
     x = tree_positions(problem, model, one, q)
+    # Derivatives of the target's twist by the base, by the joint placements (regressor), and by the joint positions.
     residual, by_base, regressor = _residuals_and_derivatives(model, one, x, base, tool)
     motions = _joint_columns(model, regressor)
     by_pin: dict[int, Array] = {}

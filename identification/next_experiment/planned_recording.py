@@ -86,7 +86,7 @@ class PlannedRecording:
         return out
 
 
-def _trusted(
+def _noise_of_row(
     columns: Columns, noise: list[Float[Array, " n"]], row: int, law: Float[Array, "_"]
 ) -> tuple[float, float]:
     """Variance of a row's whitened noise in the recordings, and its mean share in that of noise and friction."""
@@ -112,8 +112,8 @@ def planned_recording(
     session = problem.session
     by_row = [[part[:, j] for part in noise] for j in range(session.robot.nv)]
     laws = tuple(noise_law(columns, own, j) for j, own in enumerate(by_row))
-    trusted = [_trusted(columns, own, j, law) for j, (own, law) in enumerate(zip(by_row, laws, strict=True))]
-    variance, trust = (np.array(values) for values in zip(*trusted, strict=True))
+    noises = [_noise_of_row(columns, own, j, law) for j, (own, law) in enumerate(zip(by_row, laws, strict=True))]
+    variance, trust = (np.array(values) for values in zip(*noises, strict=True))
     like, band = replace(columns, local=local), coarser(session.logs[0].band)
     return PlannedRecording(problem, like, union, band, laws, variance, trust, found)
 

@@ -130,6 +130,7 @@ def _is_less(finding: Finding) -> bool:
 
 
 def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
+    """The proposed experiment if it separates the finding from a rival, else the advice of the effect."""
     separated = [tuple(entry) for entry in experiment.get("separates") or ()]
     if experiment.get("say") and (finding.effect, finding.joint) in separated:
         return PROPOSED

@@ -95,9 +95,11 @@ def regime_words(regime: str | None) -> str:
 def regime_sentence(regime: str | None) -> str:
     """``It shows at low speed.``; empty for None."""
     words = regime_words(regime)
+    if not words:
+        return ""
     verbs = {"repeating": "repeats", "drifting": "drifts"}
     verb, _, rest = words.partition(" ")
-    return f"It {verbs[verb]} {rest}." if verb in verbs else f"It shows {words}." if words else ""
+    return f"It {verbs[verb]} {rest}." if verb in verbs else f"It shows {words}."
 
 
 def size_words(finding: Finding) -> str:

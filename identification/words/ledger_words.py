@@ -86,16 +86,17 @@ def why(diagnosis: Diagnosis, effect: str, joint: str | None = None) -> tuple[Cl
     """
     effect = effect.strip().replace(" ", "_").replace("-", "_").lower()
     known = _known(diagnosis)
-    if not diagnosis.ledger and not any(place[0] == effect for place in known):
+    names = sorted({name for name, _ in known})
+    if not diagnosis.ledger and effect not in names:
         raise UsageError(
             "this diagnosis holds no ledger, as it was made by an earlier version: diagnose the recording again."
         )
-    if effect not in {name for name, _ in known}:
-        nearest = difflib.get_close_matches(effect, sorted({name for name, _ in known}), n=1)
+    if effect not in names:
+        nearest = difflib.get_close_matches(effect, names, n=1)
         hint = f"; did you mean {nearest[0]}?" if nearest else "."
         raise UsageError(
             f"{effect!r} was asked for, which is no effect that this diagnosis tried{hint} Wanted one of "
-            f"{', '.join(sorted({name for name, _ in known}))}."
+            f"{', '.join(names)}."
         )
     places = [place for place in known if place[0] == effect and (joint is None or joint == place[1])]
     if not places:
@@ -136,7 +137,9 @@ def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Clai
     of_poses = diagnosis.geometry
     bounds = (*diagnosis.bounds, *(of_poses.bounds if of_poses else ()))
     bounds = [one for one in bounds if (one.effect, one.joint) == (effect, joint)]
-    for entry in (*diagnosis.not_testable, *(of_poses.not_testable if of_poses and not bounds else ())):
+    # Poses may show only some parameters of an effect: then the bounds of these are stated.
+    hidden_in_poses = of_poses.not_testable if of_poses and not bounds else ()
+    for entry in (*diagnosis.not_testable, *hidden_in_poses):
         if (entry.effect, entry.joint) == (effect, joint):
             return ClaimWords(name, f"{capital(name)} was not tried, as this recording cannot show it: {entry.why}.")
     sizes = joined(

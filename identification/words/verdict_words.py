@@ -74,7 +74,9 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
             more = f" and {len(names) - count} more" if count < len(names) else ""
             named = joined(names[:count], last=", " if more else " and ") + more
             said = f"{begins[diagnosis.verdict]} {named}."
-            if len(said) <= letters and (names is bare or not more or count > 1):
+            # One cause with its joints and the number of the others says less than several causes without joints.
+            says_little = names is placed and count == 1 and more
+            if len(said) <= letters and not says_little:
                 return said
         return f"{begins[diagnosis.verdict]} {len(diagnosis.findings)} causes."
     if diagnosis.verdict == "no_gap":
@@ -143,9 +145,10 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
 def _named(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
     """A group with its places; findings with a probability below one half are called undecided."""
     decided = [finding.probability >= UNDECIDED for found in kinds for finding in found]
-    return group_name(kinds, diagnosis) + (
-        "" if all(decided) else " (in part undecided)" if any(decided) else " (undecided)"
-    )
+    name = group_name(kinds, diagnosis)
+    if all(decided):
+        return name
+    return f"{name} ({'in part undecided' if any(decided) else 'undecided'})"
 
 
 def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
@@ -166,7 +169,9 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
     for count, ((_, recording, alone), found) in enumerate(by_effect.items()):
         places = frozenset(finding.joint for finding in found)
         ordered = sorted(found, key=lambda one: joints.index(one.joint) if one.joint in joints else len(joints))
-        by_place.setdefault(count if alone or len(places) == 1 else (places, recording), []).append(ordered)
+        # Only effects on the same two or more joints share a group; the number of an effect is a group of its own.
+        key = count if alone or len(places) == 1 else (places, recording)
+        by_place.setdefault(key, []).append(ordered)
 
     def share(kinds: list[list[Finding]]) -> float:
         return sum(max(finding.share or 0.0, 0.0) for found in kinds for finding in found)
