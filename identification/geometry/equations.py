@@ -229,10 +229,11 @@ def _equations_of_set(
         motions = motions @ changes.by_active
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
     for k, unknown in enumerate(kinds):
-        if unknown.kind == BASE and unknown.of == one.recording:
-            nuisance[:, :, k] = by_base[:, :, unknown.part]
-        elif unknown.kind == TOOL and unknown.of == number:
+        # A tool pose belongs to one set of poses, a base pose and a delay to all sets of one recording.
+        if unknown.kind == TOOL and unknown.of == number:
             nuisance[:, unknown.part, k] = 1.0
+        elif unknown.kind == BASE and unknown.of == one.recording:
+            nuisance[:, :, k] = by_base[:, :, unknown.part]
         elif unknown.kind == DELAY and unknown.of == one.recording:
             nuisance[:, :, k] = -np.einsum("nij,nj->ni", motions, v)
     pose_columns = {

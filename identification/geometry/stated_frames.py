@@ -53,12 +53,13 @@ def problem_of(
     terms = pose_terms(BASE_POSE, None)
     for frame, count in parts.items():
         terms += pose_terms(TOOL_POSE, frame, count)
-    near = replace(free, terms=terms, in_root=True, on_frame=tuple(parts))
+    stated = replace(free, terms=terms, in_root=True, on_frame=tuple(parts))
     weights = np.ones(2 * len(sets))
-    estimate, with_stated = fitted(near, start_of(near), range(len(terms)), weights)
-    _, with_free = fitted(free, start_of(free), (), weights)
+    estimate, fit_as_stated = fitted(stated, start_of(stated), range(len(terms)), weights)
+    _, free_fit = fitted(free, start_of(free), (), weights)
+    # Errors of base and tool that are larger than plausible: the column is not what its name states.
     far = {term.effect_joint for term, value in zip(terms, estimate.values, strict=True) if abs(value) > term.largest}
-    if (BASE_POSE, None) in far or not _as_good(with_stated, len(terms), with_free):
+    if (BASE_POSE, None) in far or not _as_good(fit_as_stated, len(terms), free_fit):
         return free
     frames = tuple(frame for frame in parts if (TOOL_POSE, frame) not in far)
     kept = tuple(term for term in terms if term.effect == BASE_POSE or term.joint in frames)
@@ -113,16 +114,16 @@ def _is_far(problem: PoseProblem, one: Measured) -> bool:
     return float(np.median(np.linalg.norm(one.position - reached, axis=1))) > np.sqrt(3) * (2 * shift + turn * reach)
 
 
-def _as_good(near: Equations, terms: int, free: Equations) -> bool:
-    """True if the fit with poses as stated (near) is not significantly worse than that with free poses (F test).
+def _as_good(stated: Equations, terms: int, free: Equations) -> bool:
+    """True if the fit with poses as stated is not significantly worse than that with free poses (F test).
 
     ``terms`` is the number of terms of the fit with poses as stated.
     """
     from scipy.special import fdtri
 
-    squares_near, squares_free = float(near.residual @ near.residual), float(free.residual @ free.residual)
-    more, rest = max(free.nuisance.shape[1] - near.nuisance.shape[1] - terms, 1), max(len(free.residual) - 1, 1)
+    squares_stated, squares_free = float(stated.residual @ stated.residual), float(free.residual @ free.residual)
+    more, rest = max(free.nuisance.shape[1] - stated.nuisance.shape[1] - terms, 1), max(len(free.residual) - 1, 1)
     # One over the lower quantile of F(rest, more) is the upper quantile of F(more, rest).
     limit = 1.0 + more / rest / float(fdtri(rest, more, _CHANCE))
     # Residuals below 1e-12 m or rad are rounding errors, as of poses that were simulated without noise.
-    return squares_near <= limit * squares_free + 1e-24 * len(near.residual)
+    return squares_stated <= limit * squares_free + 1e-24 * len(stated.residual)

@@ -144,22 +144,27 @@ def true_state(
         true_v = v / np.maximum(slope, 0.5)
     start = Start(true_q, true_v, np.array(true_q), np.array(true_v))
     if model.transmissions:
-        near = np.clip([at - 1, at, at + 1], 0, len(states.q) - 1)
-        base = None if states.base is None else states.base.at(near)
-        nearby_motion = Motion(dt * near, states.q[near], states.v[near], states.a[near], base=base)
-        load = link_torque(model.robot, nearby_motion)
-        rate = (load[2] - load[0]) / (dt * max(near[2] - near[0], 1))
-        for part in model.transmissions:
-            row = row_of(model.robot, part.joint)
-            # Without a rotor the spring has no stiffness; the simulation then raises an error.
-            if part.stiffness > 0:
-                # The side without the encoder is shifted: a link lags its motor, a motor leads its link.
-                read_on_motor = model.robot.actuators[row].encoder_side == "motor"
-                position, speed = (start.q, start.v) if read_on_motor else (start.motor_q, start.motor_v)
-                sign = -1.0 if read_on_motor else 1.0
-                position[row] += sign * (load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row]))
-                speed[row] += sign * rate[row] / part.stiffness
+        _deflect(start, model, states, at, dt)
     return start
+
+
+def _deflect(start: Start, model: Model, states: States, at: int, dt: float) -> None:
+    """Shift, in place, the side of each transmission that no encoder reads, by the deflection under the load."""
+    near = np.clip([at - 1, at, at + 1], 0, len(states.q) - 1)
+    base = None if states.base is None else states.base.at(near)
+    nearby_motion = Motion(dt * near, states.q[near], states.v[near], states.a[near], base=base)
+    load = link_torque(model.robot, nearby_motion)
+    rate = (load[2] - load[0]) / (dt * max(near[2] - near[0], 1))
+    for part in model.transmissions:
+        row = row_of(model.robot, part.joint)
+        # Without a rotor the spring has no stiffness; the simulation then raises an error.
+        if part.stiffness > 0:
+            # A link lags its motor, and a motor leads its link.
+            read_on_motor = model.robot.actuators[row].encoder_side == "motor"
+            position, speed = (start.q, start.v) if read_on_motor else (start.motor_q, start.motor_v)
+            sign = -1.0 if read_on_motor else 1.0
+            position[row] += sign * (load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row]))
+            speed[row] += sign * rate[row] / part.stiffness
 
 
 @dataclass(frozen=True)

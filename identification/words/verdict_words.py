@@ -103,20 +103,26 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "no_gap":
         beyond = "noise, what drives and slow joints may leave," if _joints_above_noise(diagnosis) else "noise"
         return f"The model fits the robot: nothing was found beyond {beyond} and the tolerances that the model states."
-    if diagnosis.verdict == "not_testable" and torques_may_be_noise(diagnosis.joints):
+    if diagnosis.verdict == "not_testable":
+        return _not_testable(diagnosis)
+    return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
+
+
+def _not_testable(diagnosis: Diagnosis) -> str:
+    """Why the recording cannot show a gap, and what to record."""
+    if torques_may_be_noise(diagnosis.joints):
         return (
             "This recording cannot show a gap at all: on every joint the noise is as large as the torque. Check that "
             "the positions and the torques stand in the right columns, or record with less noise."
         )
-    if diagnosis.verdict == "not_testable" and _open_joints(diagnosis):
-        one = max(_open_joints(diagnosis), key=_of_torque)
+    if open_joints := _open_joints(diagnosis):
+        one = max(open_joints, key=_of_torque)
         return (
             f"This recording does not show whether there is a gap: on {joints_words([one.joint])} "
             f"{percent(_of_torque(one))} of the torque is left. Noise may make it, or friction where the joint stands, "
             "creeps or turns about, but a gap may as well. Record motion that stands less and turns about faster."
         )
-    unknown = _of_unknown_noise(diagnosis)
-    if diagnosis.verdict == "not_testable" and unknown:
+    if unknown := _of_unknown_noise(diagnosis):
         least_known = max(unknown, key=_hidden_by_noise)
         return (
             "This recording does not show whether there is a gap: the noise of "
@@ -126,20 +132,17 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
             f"Up to {percent(_hidden_by_noise(least_known))} of the torque may be noise or a gap. "
             "Record for longer, at a higher rate, and readings as the sensors give them, or repeat the motion."
         )
-    known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
-    if diagnosis.verdict == "not_testable" and known:
+    if known := [bound for bound in diagnosis.bounds if bound.of_torque is not None]:
         least = min(known, key=lambda bound: bound.of_torque or 0.0)
         return (
             "This recording cannot show an ordinary gap: nothing was found, but even the effect that shows best, "
             f"{effect_at(EffectAt(least.effect, least.joint, words=least.words))}, would have been seen only from "
             f"{percent(least.of_torque or 0.0)} of the torque on. Record faster motion in more postures, or less noise."
         )
-    if diagnosis.verdict == "not_testable":
-        return (
-            "This recording cannot show a gap at all, as no joint moves, or each pauses so often that the filters mix "
-            "every move with a standstill: record a motion without pauses, or at a higher rate, then diagnose again."
-        )
-    return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
+    return (
+        "This recording cannot show a gap at all, as no joint moves, or each pauses so often that the filters mix "
+        "every move with a standstill: record a motion without pauses, or at a higher rate, then diagnose again."
+    )
 
 
 def _named(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
@@ -169,7 +172,7 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
     for count, ((_, recording, alone), found) in enumerate(by_effect.items()):
         places = frozenset(finding.joint for finding in found)
         ordered = sorted(found, key=lambda one: joints.index(one.joint) if one.joint in joints else len(joints))
-        # Only effects on the same two or more joints share a group; the number of an effect is a group of its own.
+        # Effects on the same joints, two or more, share a group. Every other effect has a group of its own.
         key = count if alone or len(places) == 1 else (places, recording)
         by_place.setdefault(key, []).append(ordered)
 

@@ -50,12 +50,16 @@ def test_friction_of_bearings_is_distinguished_from_that_of_the_cable(rng):
     assert abs(found.ratio[0] - 3e-3) < 4 * found.ratio[1]
 
 
-def test_the_line_is_that_of_numpy(rng):
+def test_the_line_is_that_of_the_weighted_closed_form(rng):
     coulomb, std = 0.02 + 3e-3 * PULLED + 1e-3 * rng.normal(size=4), np.array([1e-3, 2e-3, 1e-3, 3e-3])
     found = fit_pretension(PULLED, coulomb, std)
-    (slope, rest), cov = np.polyfit(PULLED, coulomb, 1, w=1 / std, cov="unscaled")
-    assert (found.ratio[0], found.rest[0]) == pytest.approx((slope, rest), rel=1e-10)
-    assert (found.ratio[1], found.rest[1]) == pytest.approx(tuple(np.sqrt(np.diag(cov))), rel=1e-10)
+    weight = std**-2
+    middle = np.average(PULLED, weights=weight)
+    spread = np.sum(weight * (PULLED - middle) ** 2)
+    slope = np.sum(weight * (PULLED - middle) * coulomb) / spread
+    rest = np.average(coulomb, weights=weight) - slope * middle
+    assert found.ratio == pytest.approx((slope, spread**-0.5), rel=1e-10)
+    assert found.rest == pytest.approx((rest, np.sqrt(1 / weight.sum() + middle**2 / spread)), rel=1e-10)
 
 
 def test_the_misfit_is_one_where_the_deviations_are_right():
