@@ -254,5 +254,6 @@ def _from_rest(parts: Float[Array, "3 N M"], at_ends: Float[Array, "3 2 M"]) -> 
 
 
 def _require_count(count: int, name: str, least: int) -> None:
+    """Raise an error for fewer parts of a motion than the least number."""
     if count < least:
         raise ParameterError(f"A motion of {count} {name} was asked for: give at least {least}.")

@@ -27,11 +27,11 @@ from identification.geometry.judgement import (
     ExplainedPoses,
     Gap,
     Group,
+    by_effect_joint,
     drawn_blocks,
     explain_poses,
     findings_of,
     gap_of,
-    groups_of,
     pose_bounds,
 )
 from identification.geometry.measured import Measured, has_poses, measured_poses
@@ -294,11 +294,9 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
         gap: Errors of the poses before and after the fit.
         found: All findings, minor ones included.
     """
-    groups = {explained.problem.terms[group[0]].effect_joint: group for group in groups_of(explained)}
+    groups = by_effect_joint(explained.problem.terms, explained.chosen)
     claims = [_claim_of_finding(explained, gap, groups[finding.effect, finding.joint], finding) for finding in found]
-    places: dict[At, list[int]] = {}
-    for k in explained.fits.seen:
-        places.setdefault(explained.problem.terms[k].effect_joint, []).append(k)
+    places = by_effect_joint(explained.problem.terms, explained.fits.seen)
     near = [_best_term_of(explained, at, terms, groups) for at, terms in places.items() if at not in groups]
     near = sorted(near, key=lambda one: -one.most)[:NEVER_CLAIMED]
     return (*claims, *(_claim_of_place(explained, gap, one, groups) for one in near))

@@ -141,8 +141,8 @@ def nuisances_of(problem: PoseProblem) -> tuple[Nuisance, ...]:
     own = sorted({one.recording for one in problem.sets})
     out = [] if problem.in_root else [Nuisance(BASE, number, part) for number in own for part in range(6)]
     for k, one in enumerate(problem.sets):
-        parts = 0 if one.frame in problem.on_frame else 3 if one.turn is None else 6
-        out += [Nuisance(TOOL, k, part) for part in range(parts)]
+        if one.frame not in problem.on_frame:
+            out += [Nuisance(TOOL, k, part) for part in range(3 if one.turn is None else 6)]
     return (*out, *(Nuisance(DELAY, number, 0) for number in own if number in problem.paths))
 
 

@@ -20,7 +20,7 @@ from identification.geometry.equations import (
     tree_positions,
 )
 from identification.geometry.measured import Measured
-from phantom_dyn.array_types import Array, Float
+from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.motion import configurations
 
 _STEPS = 30  # largest number of Gauss-Newton steps
@@ -92,7 +92,7 @@ def fitted(
     estimate: Estimate,
     chosen: Sequence[int],
     weights: Float[Array, " s"],
-    kept: Array | None = None,
+    kept: Bool[Array, " m"] | float = 1.0,
 ) -> tuple[Estimate, Equations]:
     """The least-squares estimate with some of the terms, and the equations at this estimate.
 
@@ -101,7 +101,7 @@ def fitted(
         estimate: Start of the fit; the values of other terms are not changed.
         chosen: Indices of the terms that are fitted.
         weights: One over the noise of each series.
-        kept: True for rows that are used; None to use all.
+        kept: True for rows that are used; by default all.
     """
     current = equations(problem, estimate)
     cost = _cost(current, weights, kept)
@@ -121,15 +121,14 @@ def fitted(
     return estimate, current
 
 
-def _cost(found: Equations, weights: Array, kept: Array | None) -> float:
+def _cost(found: Equations, weights: Array, kept: Array | float) -> float:
     """Weighted sum of squares of the residual."""
-    weighted = found.residual * weights[found.series]
-    return float(np.sum((weighted if kept is None else weighted[kept]) ** 2))
+    return float(np.sum((found.residual * weights[found.series] * kept) ** 2))
 
 
-def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array | None) -> Array:
+def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array | float) -> Array:
     """Gauss-Newton step of the nuisances and the chosen terms; the step of least norm if it is not unique."""
-    scale = weights[found.series] * (1.0 if kept is None else kept)
+    scale = weights[found.series] * kept
     matrix = np.hstack([found.nuisance, found.columns[:, list(chosen)]]) * scale[:, None]
     norms = np.linalg.norm(matrix, axis=0)
     norms[norms == 0] = 1.0

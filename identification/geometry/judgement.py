@@ -6,7 +6,7 @@ linearisation of the poses changes with the fit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -184,12 +184,12 @@ def drawn_blocks(gap: Gap) -> Float[Array, "R B"]:
     return block_counts(len(gap.after), random_stream("bootstrap of the gap in poses"))
 
 
-def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
-    """The chosen terms, grouped by effect and joint."""
-    places: dict[tuple[str, str | None], list[int]] = {}
-    for k in explained.chosen:
-        places.setdefault(explained.problem.terms[k].effect_joint, []).append(k)
-    return tuple(tuple(group) for group in places.values())
+def by_effect_joint(terms: Sequence[PoseTerm], indices: Iterable[int]) -> dict[tuple[str, str | None], Group]:
+    """Indices of terms, grouped by effect and joint."""
+    groups: dict[tuple[str, str | None], Group] = {}
+    for k in indices:
+        groups[terms[k].effect_joint] = (*groups.get(terms[k].effect_joint, ()), k)
+    return groups
 
 
 def gap_of(explained: ExplainedPoses, blocks: Blocks) -> Gap:
@@ -199,7 +199,7 @@ def gap_of(explained: ExplainedPoses, blocks: Blocks) -> Gap:
 
 def findings_of(explained: ExplainedPoses, gap: Gap) -> tuple[PoseFinding, ...]:
     """The findings, that with the largest share of the gap first."""
-    groups = groups_of(explained)
+    groups = tuple(by_effect_joint(explained.problem.terms, explained.chosen).values())
     shares = _shares(gap, groups)
     std = _deviations(explained)
     out = [_finding(explained, gap, group, groups, shares[group], std) for group in groups]
@@ -266,10 +266,8 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
 
 def _places(terms: Sequence[PoseTerm]) -> tuple[Place, ...]:
     """The terms, grouped by effect and joint."""
-    places: dict[tuple[str, str | None], list[str]] = {}
-    for term in terms:
-        places.setdefault(term.effect_joint, []).append(term.parameter)
-    return tuple(Place(effect, joint, tuple(names)) for (effect, joint), names in places.items())
+    groups = by_effect_joint(terms, range(len(terms)))
+    return tuple(Place(*at, tuple(terms[k].parameter for k in group)) for at, group in groups.items())
 
 
 def pose_bounds(

@@ -136,6 +136,7 @@ def _count(logs: tuple[Log, ...]) -> int:
 
 
 def _joints(robot: Robot) -> str:
+    """Number of joints in words."""
     return "one joint" if robot.nv == 1 else f"{robot.nv} joints"
 
 

@@ -230,14 +230,15 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
     """
     file = find_robot(given.source)
     beside = file.with_name(CONFIG_NAME)
-    stated = config if config is not None else beside if beside.is_file() else None
+    if config is None and beside.is_file():
+        config = beside
     few_samples = some_motion(motion)
     writable, cut = _without_negative_friction(full.robot)
     as_urdf = with_rotors_of(writable, given)
 
     def urdf() -> tuple[str, float]:
         text = edited_urdf(as_urdf, given, file, folder) if file.suffix == ".urdf" else new_urdf(as_urdf)
-        return text, urdf_difference(text, as_urdf, few_samples, stated)
+        return text, urdf_difference(text, as_urdf, few_samples, config)
 
     def mjcf() -> tuple[str, float]:
         text = mjcf_text(writable)

@@ -60,7 +60,7 @@ def motion_deviations(
     noise: tuple[Float[Array, "_ nv"], ...],
     folds: tuple[int, ...],
     horizon: float,
-    standing: tuple[Float[Array, " nv"], ...],
+    at_rest: tuple[Float[Array, " nv"], ...],
 ) -> Float[Array, " nv"]:
     """RMS error of each joint's simulated motion, divided by the upper limit of its 99 % noise band.
 
@@ -74,7 +74,7 @@ def motion_deviations(
         noise: Torque that counts as noise, for each recording.
         folds: Folds that were held out, at least two.
         horizon: Time over which windows are compared [s].
-        standing: For each window, the share of its samples in which each joint is at rest.
+        at_rest: For each window, the share of its samples in which each joint is at rest.
 
     Raises:
         ParameterError: If a motion leaves all bounds.
@@ -111,7 +111,7 @@ def motion_deviations(
         # The upper limit of the band is the quantile of the F distribution; one over it is the lower quantile.
         return np.sqrt(error / expected * fdtri(count, count, _LEVEL / error.shape[-1]))
 
-    share = np.array(standing)
+    share = np.array(at_rest)
     braked = ((share > _AT_REST) & (relative_to_band(error, expected, len(shots)) > 1.0)).any(axis=0)
     left_out = (braked & (share > _AT_REST_FOR_A_WHILE)).any(axis=1)
     if left_out.all():
@@ -252,13 +252,13 @@ def _deviations(explained: Explained, horizon: float) -> dict[str, float]:
     if not shots or len(folds) < 2 or has_hidden_states(model(shots[0].window, shots[0].window.fold)):
         return {}
     try:
-        ratios = motion_deviations(shots, model, torque, noise, folds, horizon, _standing(session.logs, shots))
+        ratios = motion_deviations(shots, model, torque, noise, folds, horizon, _shares_at_rest(session.logs, shots))
     except (PhantomDynError, np.linalg.LinAlgError):
         return {}
     return {joint: float(x) for joint, x in zip(session.robot.joint_names, ratios, strict=True) if x > 1.0}
 
 
-def _standing(logs: tuple[Log, ...], shots: tuple[Shot, ...]) -> tuple[Float[Array, " nv"], ...]:
+def _shares_at_rest(logs: tuple[Log, ...], shots: tuple[Shot, ...]) -> tuple[Float[Array, " nv"], ...]:
     """For each window, the share of its samples in which each joint is at rest."""
     still = {k: standing_still(logs[k]) for k in {shot.window.log for shot in shots}}
     return tuple(still[shot.window.log][shot.window.start : shot.window.stop].mean(axis=0) for shot in shots)

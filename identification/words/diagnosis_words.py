@@ -155,16 +155,18 @@ def joints_words(names: list[str]) -> str:
 
 def effect_at(at: EffectAt) -> str:
     """An effect with its place, as in ``a payload`` or ``Coulomb friction on joint j2``."""
-    name = words_of(at).name
-    name += "" if at.joint is None else f" on {place(at.effect, at.joint)}"
-    return name + in_recording(at.recording)
+    return _with_place(words_of(at).name, at)
 
 
 def effect_at_finding(finding: Finding) -> str:
     """A finding with its place, as in ``viscous friction on joint j1``."""
-    name = finding_name(finding)
-    name += "" if finding.joint is None else f" on {place(finding.effect, finding.joint)}"
-    return name + in_recording(finding.recording)
+    return _with_place(finding_name(finding), finding)
+
+
+def _with_place(name: str, at: EffectAt | Finding) -> str:
+    """The name of an effect, followed by its joint and its recording."""
+    where = "" if at.joint is None else f" on {place(at.effect, at.joint)}"
+    return name + where + in_recording(at.recording)
 
 
 def rivals_words(finding: Finding) -> str:

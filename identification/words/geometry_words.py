@@ -101,6 +101,7 @@ def _stiffness_unit(compliance: str) -> str:
 
 
 def _along(name: str) -> str:
+    """``along x`` for a shift ``x``, ``about x`` for a rotation ``rx``."""
     return f"along {name}" if name in _SHIFTS else f"about {name[1:]}"
 
 

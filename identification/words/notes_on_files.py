@@ -64,11 +64,10 @@ def _no_place_for_effect(note: Note) -> str:
 
 def _no_place_for_drive(note: Note) -> str:
     n = note.numbers
-    why = (
-        f"the file has {'no actuator' if n['actuators'] == 0 else 'several actuators'} there."
-        if n["actuators"] != 1
-        else f"its actuator is <{n['kind']}>, whose feedback would change too. A <motor> has a place for it."
-    )
+    if n["actuators"] == 1:
+        why = f"its actuator is <{n['kind']}>, whose feedback would change too. A <motor> has a place for it."
+    else:
+        why = f"the file has {'several actuators' if n['actuators'] else 'no actuator'} there."
     return f"It has no place for what was found of the drive of {note.joint} ({_values(note)}): {why}"
 
 

@@ -167,18 +167,22 @@ def _row(robot: Robot, joint: str | None) -> int:
 
 
 def _viscous(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add a viscous coefficient, forward and backward."""
     plant.friction[_row(robot, term.joint), 3:] += theta[0]
 
 
 def _coulomb(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add a Coulomb torque."""
     plant.friction[_row(robot, term.joint), 0] += theta[0]
 
 
 def _stribeck(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add a Coulomb torque and an additional torque at standstill; replace the Stribeck velocity, which is 1 before."""
     plant.friction[_row(robot, term.joint), :3] += [theta[0], theta[1], term.shape[0] - 1.0]
 
 
 def _directions(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add Coulomb torques forward and backward, as their mean and a constant torque, and viscous coefficients."""
     row = _row(robot, term.joint)
     plant.friction[row, 0] += 0.5 * (theta[0] + theta[1])
     plant.constant_torque[row] -= 0.5 * (theta[0] - theta[1])
@@ -186,21 +190,25 @@ def _directions(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -
 
 
 def _offset(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add a constant torque."""
     plant.constant_torque[_row(robot, term.joint)] += theta[0]
 
 
 def _rotor(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add a rotor inertia."""
     row = _row(robot, term.joint)
     plant.rotor[row, row] += theta[0]
 
 
 def _spring(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add the stiffness of a spring, and its torque at position zero as a constant torque."""
     row = _row(robot, term.joint)
     plant.stiffness[row] += theta[0]
     plant.constant_torque[row] -= theta[1]
 
 
 def _bodies(plant: Plant, robot: Robot, term: RegressorTerm, theta: Array) -> None:
+    """Add changes of inertial parameters."""
     body, parameter = np.divmod(term.effect.regressor_columns(robot, term.joint), 10)
     plant.bodies[body, parameter] += theta
 

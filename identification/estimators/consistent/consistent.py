@@ -6,7 +6,6 @@ parameters, those nearest to the bodies of the given robot are returned.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -23,11 +22,11 @@ from identification.estimators.consistent.consistent_program import (
     solve_program,
 )
 from identification.estimators.fit import Fit, relative_rms
-from identification.estimators.linear.cautions import About, Caution
+from identification.estimators.linear.cautions import About, Caution, coefficient_bounds
 from identification.estimators.linear.least_squares import base_blocks
 from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.regressor import Regressor, RegressorTerm
+from identification.regression.regressor import Regressor
 from identification.regression.triangular import triangular
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import standard_parameters
@@ -91,29 +90,6 @@ def selection(base: BaseParameters) -> Float[Array, "r p"]:
     out[range(base.rank), list(base.independent)] = 1.0
     out[:, list(base.dependent)] = base.grouping
     return out
-
-
-def coefficient_bounds(
-    robot: Robot, terms: Sequence[RegressorTerm], names: Sequence[str]
-) -> tuple[Float[Array, " e"], Float[Array, " e"]]:
-    """Physical bounds of the coefficients of terms, ``-inf`` and ``inf`` without a bound.
-
-    Args:
-        robot: The robot. Its friction and rotor inertia shift the bounds of coefficients that add to them.
-        terms: Terms of a regressor, in the order of its columns.
-        names: Names of the coefficients of all terms.
-    """
-    given = []
-    for term in terms:
-        # The same effect may act with two different shapes; the terms then have the same label.
-        same = sum(other.label == term.label for other in terms)
-        count = sum(name.rpartition(".")[0] == term.label for name in names) // same
-        bounds = term.effect.coefficient_bounds(robot, term.joint, term.shape)
-        given += list(bounds) if len(bounds) == count else [(-np.inf, np.inf)] * count
-    if len(given) != len(names):
-        raise ParameterError(f"{len(names)} coefficients belong to terms with {len(given)}: give the terms of the fit.")
-    pairs = np.array(given, dtype=float).reshape(-1, 2)
-    return pairs[:, 0], pairs[:, 1]
 
 
 def _program(robot: Robot, fit: Fit, root: Array) -> Program:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
 
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.regressor import Regressor, term_columns
+from identification.regression.regressor import Regressor, RegressorTerm
 from phantom_dyn.array_types import Array, Float
+from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot, position_limits
 
 _POOR_CONDITION = 1000.0  # condition number above which a relative error of 1e-3 in a column may double a parameter
@@ -119,15 +120,17 @@ def _uncertain(std: Array) -> Iterator[str]:
 
 def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[Caution]:
     """A warning on each coefficient that is near a physical bound or beyond it."""
-    lower, upper = (bound + 0.0 for bound in coefficient_limits(regressor))  # no "-0" in sentences
+    first = regressor.first_effect
+    bounds = coefficient_bounds(regressor.robot, regressor.terms, regressor.names[first:])
+    lower, upper = (bound + 0.0 for bound in bounds)  # no "-0" in sentences
     # A coefficient into which others are regrouped has no bounds.
     alone = [not row.any() for row in np.abs(base.grouping) > 1e-9]
     for k, column in enumerate(base.independent):
-        for bound, side, beyond in (
-            (lower[column], "lower", theta[k] - lower[column]),
-            (upper[column], "upper", upper[column] - theta[k]),
-        ):
-            if not alone[k] or not np.isfinite(bound) or not beyond <= _AT_BOUND * std[k]:
+        if column < first or not alone[k]:
+            continue
+        least, most = lower[column - first], upper[column - first]
+        for bound, side, beyond in ((least, "lower", theta[k] - least), (most, "upper", most - theta[k])):
+            if not np.isfinite(bound) or not beyond <= _AT_BOUND * std[k]:
                 continue
             finding = f"at its {side} bound of {bound:.4g} within its uncertainty: its effect may be absent."
             if beyond < -_AT_BOUND * std[k]:
@@ -140,18 +143,27 @@ def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Ar
             yield Caution(f"{value}, {finding}", About.BOUND, (name,))
 
 
-def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Lower and upper physical bound of the coefficient of each column, infinite without a bound.
+def coefficient_bounds(
+    robot: Robot, terms: Sequence[RegressorTerm], names: Sequence[str]
+) -> tuple[Float[Array, " e"], Float[Array, " e"]]:
+    """Physical bounds of the coefficients of terms, ``-inf`` and ``inf`` without a bound.
 
     Args:
-        regressor: The equations.
+        robot: The robot. Its friction and rotor inertia shift the bounds of coefficients that add to them.
+        terms: Terms of a regressor, in the order of its columns.
+        names: Names of the coefficients of all terms.
     """
-    lower, upper = np.full(len(regressor.names), -np.inf), np.full(len(regressor.names), np.inf)
-    for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
-        bounds = term.effect.coefficient_bounds(regressor.robot, term.joint, term.shape)
-        for k, bound in zip(columns, bounds, strict=False):
-            lower[k], upper[k] = bound
-    return lower, upper
+    given = []
+    for term in terms:
+        # The same effect may act with two different shapes; the terms then have the same label.
+        same = sum(other.label == term.label for other in terms)
+        count = sum(name.startswith(f"{term.label}.") for name in names) // same
+        bounds = term.effect.coefficient_bounds(robot, term.joint, term.shape)
+        given += list(bounds) if len(bounds) == count else [(-np.inf, np.inf)] * count
+    if len(given) != len(names):
+        raise ParameterError(f"{len(names)} coefficients belong to terms with {len(given)}: give the terms of the fit.")
+    pairs = np.array(given, dtype=float).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
 
 
 def _at_stops(regressor: Regressor) -> Iterator[str]:
