@@ -32,7 +32,7 @@ _FRICTION = ("viscous_friction", "coulomb_friction")
 
 
 def has_unknown_load(changes: tuple[Change, ...]) -> bool:
-    """True if an unknown load is the change between recordings."""
+    """True if at least one recording is stated to carry an unknown load."""
     return any("payload" in change.unknown for change in changes)
 
 
@@ -54,7 +54,7 @@ def common_model(
     Args:
         robot: The given model.
         recordings: Recordings of the diagnosis, in the order of the changes.
-        changes: Known changes of each.
+        changes: Known changes of each recording.
 
     Raises:
         LogError: If every recording carries a load.

@@ -52,7 +52,8 @@ def scales_by_friction(
             row = robot.joint_names.index(finding.joint)
             controller = robot.actuators[row].controller
             damping = controller.kd if controller is not None and effect == "viscous_friction" else 0.0
-            found_friction = float(modelled[row]) + damping + next(iter(finding.parameters.values())).numbers[0]
+            change = next(iter(finding.parameters.values())).numbers[0]
+            found_friction = float(modelled[row]) + damping + change
             if found_friction < modelled[row] and found_friction * _MOST > modelled[row]:
                 out[finding.joint] = float(modelled[row]) / found_friction
     return out
@@ -98,7 +99,7 @@ def preferred_diagnosis(first: Diagnosis, second: Diagnosis, scales: Mapping[str
         scales: Factor on the gains of each joint.
     """
     by_losses = _probability_of_second(first, second, scales)
-    only_noise_left = _leaves_noise(first) and _leaves_noise(second)
+    only_noise_left = _residual_is_noise(first) and _residual_is_noise(second)
     probability = 0.5 if only_noise_left else by_losses
     second_leads = probability > 0.5
     if only_noise_left:
@@ -128,13 +129,16 @@ def _probability_of_second(first: Diagnosis, second: Diagnosis, scales: Mapping[
     return float(probabilities(losses, (np.zeros(2),))[1])
 
 
-def _leaves_noise(diagnosis: Diagnosis) -> bool:
+def _residual_is_noise(diagnosis: Diagnosis) -> bool:
     """True if the residual of every joint is small enough to be noise."""
     return all(gap.rms_after <= contract_levels.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
 
 
 def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], found_probability: float) -> Finding:
-    """A finding with the other diagnosis's effects as rivals, and its probabilities times ``found_probability``."""
+    """A finding with the other diagnosis's effects as rivals, and its probabilities times ``found_probability``.
+
+    Rivals that are too improbable to be listed are removed, and the finding gets their probability.
+    """
     rivals = [Rival(rival.effects, found_probability * rival.probability) for rival in finding.rivals]
     rivals = [
         rival
@@ -142,8 +146,8 @@ def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], found_probabili
         if rival.probability >= contract_levels.LISTED
     ]
     rivals.sort(key=lambda rival: -rival.probability)
-    outside = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
-    probability = 1.0 - found_probability * outside - sum(rival.probability for rival in rivals)
+    unlisted = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
+    probability = 1.0 - found_probability * unlisted - sum(rival.probability for rival in rivals)
     return replace(finding, probability=probability, rivals=tuple(rivals), verdict="one_of")
 
 

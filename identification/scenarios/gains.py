@@ -29,9 +29,9 @@ _LEAST = 1e-9  # range of position errors [rad or m] below which the references 
 _STRETCHES = 10
 # Largest relative standard deviation of a gain that counts as known; findings are only as accurate as the gain.
 _KNOWN = 0.1
-# Gravity or inertia is said to determine a gain if its root mean square is at least this share of that of both, after
-# the part that friction or a constant torque could explain is removed.
-_RESTS_ON = 0.25
+# Gravity or inertia counts as determining a gain if its root mean square is at least this share of the root mean square
+# of both. The part that friction or a constant torque could explain is removed before.
+_DETERMINES = 0.25
 
 
 @dataclass(frozen=True)
@@ -86,19 +86,18 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
     shortened = [busiest(one) for one in recordings]
     without_torque = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in shortened)
     logs, _ = process_all(without_torque, robot)
-    rows = [log.valid_in_band for log in logs]
     parts = []
-    for log, use in zip(logs, rows, strict=True):
+    for log in logs:
         motion, q_ref = log.motion, log.q_ref
         assert q_ref is not None
         needed, weight = inverse_dynamics(robot, motion), gravity_torque(robot, motion.q)
         inertia = needed - weight - modelled_friction(robot, motion)
         v = motion.v
         columns = np.stack([q_ref - motion.q, -v, -np.sign(v), np.ones_like(v), needed, weight, inertia], axis=-1)
-        parts.append(log.band(columns)[use])
+        parts.append(log.band(columns)[log.valid_in_band])
     samples = np.concatenate(parts)
-    errors = np.max([np.ptp(one.q_ref - one.q, axis=0) for one in recordings if one.q_ref is not None], axis=0)
-    return tuple(_of_joint(robot, j, samples[:, j], float(errors[j])) for j in range(robot.nv))
+    ranges = np.max([np.ptp(one.q_ref - one.q, axis=0) for one in recordings if one.q_ref is not None], axis=0)
+    return tuple(_joint_gains(robot.joint_names[j], samples[:, j], float(ranges[j])) for j in range(robot.nv))
 
 
 def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
@@ -136,17 +135,16 @@ def _require_references(recording: Recording) -> None:
         raise LogError(f"{recording.file} is too short, or a reference is no number, so the gains cannot be estimated.")
 
 
-def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], largest_error: float) -> Gains:
-    """Gains of one joint.
+def _joint_gains(joint: str, samples: Float[Array, "n 7"], error_range: float) -> Gains:
+    """Estimated gains of one joint.
 
     Args:
-        robot: The given model.
-        j: Index of the joint.
+        joint: Name of the joint.
         samples: Position error, -v, -sign(v), 1, modelled torque, and its parts from gravity and from inertia.
-        largest_error: Range of the position error [rad or m].
+        error_range: Range of the position error [rad or m].
     """
-    joint, columns, needed = robot.joint_names[j], samples[:, :4], samples[:, 4]
-    if largest_error < _LEAST or len(samples) < 2 * columns.shape[1]:
+    columns, needed = samples[:, :4], samples[:, 4]
+    if error_range < _LEAST or len(samples) < 2 * columns.shape[1]:
         return _unknown_gains(joint)
     best = _fitted(columns, needed)
     if not best[0] > 0:
@@ -154,10 +152,10 @@ def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], largest_error:
     stretch = np.arange(len(samples)) * _STRETCHES // len(samples)
     without_each = np.array([_fitted(columns[stretch != k], needed[stretch != k]) for k in range(_STRETCHES)])
     std = np.sqrt((_STRETCHES - 1) * without_each.var(axis=0)).tolist()
-    basis = np.linalg.qr(columns[:, 1:])[0]  # of friction and constant torque
+    basis = np.linalg.qr(columns[:, 1:])[0]  # basis of what friction and a constant torque can explain
     squares = [float(np.linalg.norm(part - basis @ (basis.T @ part))) ** 2 for part in samples[:, 5:].T]
     shares = zip(("gravity", "inertia"), squares, strict=True)
-    determined_by = tuple(name for name, square in shares if square > _RESTS_ON**2 * max(sum(squares), 1e-300))
+    determined_by = tuple(name for name, square in shares if square > _DETERMINES**2 * max(sum(squares), 1e-300))
     return Gains(joint, best[0], std[0], best[1], std[1], best[2], std[2], determined_by)
 
 

@@ -1,9 +1,9 @@
-"""Detects drives that hold each reference until the next row of the log (zero-order hold), and removes its steps.
+"""Detects drives that hold each reference until the next row of the log, and removes the response to its steps.
 
-A held reference acts half a row late on average. It also jumps at every row, and the joint responds to each jump. The
-log has one sample per row. So this response is aliased to the frequencies of the motion, where it looks like a torque
-that couples the joints. Delay and response are linear in the references: gains and inertia determine the aliased
-response, which is subtracted from the positions.
+A held reference (zero-order hold) acts half a row late on average. It also jumps at every row, and the joint responds
+to each jump. As the log has one sample per row, this response is aliased to the frequencies of the motion. There it
+looks like a torque that couples the joints. The response is linear in the references, and follows from gains and
+inertia. It is subtracted from the positions.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def aliased_step_response(
     padded = np.concatenate([taper * (left_padding - middle), q_ref - middle, taper[::-1] * (right_padding - middle)])
     spectrum, frequencies = np.fft.rfft(padded, axis=0), np.fft.rfftfreq(len(padded), step)
     out = np.zeros_like(spectrum)
-    for m in (m for m in range(-_IMAGES, _IMAGES + 1) if m):
+    for m in (*range(-_IMAGES, 0), *range(1, _IMAGES + 1)):
         f = frequencies + m / step
         s = 2j * np.pi * f[:, None, None]
         driven = kp * spectrum * (np.sinc(f * step) * np.exp(-1j * np.pi * f * step))[:, None]

@@ -1,7 +1,7 @@
-"""States effects of a single recording under their names in the catalogue, and by which ratio friction is larger there.
+"""Gives effects of a single recording their names in the catalogue, and states how many times larger friction is there.
 
-During the fit such an effect has a name of its own, see `OwnEffect`. A finding states the catalogue's effect and the
-recording instead.
+During the fit, an effect of a single recording has a name of its own, see `OwnEffect`. A finding states the catalogue's
+effect and the recording instead.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from phantom_dyn.model.robot import Robot
 
 # For each effect that adds to a modelled friction: index in `modelled_friction_of`, and name in `Adjusted.quantity`.
 _MODELLED = {"viscous_friction": (0, "viscous friction"), "coulomb_friction": (1, "Coulomb friction")}
-# A level below this number of its standard deviations is too uncertain for a ratio.
+# A friction level below this number of its standard deviations is too uncertain for a ratio.
 _LEAST_LEVEL = 2.0
 
 
@@ -117,8 +117,9 @@ def _shares(robot: Robot, effect: str, joint: str | None, kind: int) -> dict[str
 def growth(difference: Value, level: Value) -> Value | None:
     """Ratio of a level in one recording to that in the others; None if the level in the others is too uncertain.
 
-    The variance of the difference is the sum of both levels' variances. So the variance of the level in that recording
-    is the variance of the difference minus that of the level in the others, and at least a quarter of the former.
+    The variance of the difference is the sum of the variances of both levels. So the variance of the level in the one
+    recording is the variance of the difference minus that of the level in the others. As both are estimates, at least a
+    quarter of the variance of the difference is used.
     """
     more, more_std = difference.numbers[0], difference.stds[0]
     base, base_std = level.numbers[0], level.stds[0]

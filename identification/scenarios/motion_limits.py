@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from phantom_dyn.model.robot import Robot
 
 # A position error in the simulation under the controllers is noted if it exceeds this many standard deviations of the
 # position readings.
-_STRAYS = 10.0
+_LARGE_ERROR = 10.0
 _TWIN = (
     "positions determine only the product of torque constant and controller gain: measure the current or torque, or "
     "attach a known mass to the robot"
@@ -41,11 +42,12 @@ def without_gain_ambiguities(
 ) -> Judgement:
     """The judgement without claims that an error of a controller's gain would explain as well.
 
-    - Torque constant. A ratio that differs from 1 by at most two tolerances of the gain is no gap: it is listed as
-      adjusted. A larger ratio remains a finding, with a warning that only the product of constant and gain is known.
-    - Torque offset. It remains a finding, with a note of the zero of the reference that would explain it.
-    - If a gain was estimated from the same positions, three effects are not testable on its joint: any ratio of torque
-      constants, loads that scale weight and inertia alike, and viscous friction up to the damping gain.
+    - Torque constant. If the gain is stated and the ratio differs from 1 by more than two tolerances of the gain, the
+      finding remains, with a warning that only the product of constant and gain is known. Any other ratio is listed as
+      adjusted. Joints without a finding are listed as not testable.
+    - Torque offset. The finding remains, with a note on the zero of the reference that would explain it.
+    - If the gain was estimated from the same positions, loads that scale weight and inertia alike, and viscous friction
+      up to the damping gain, are not testable on the joint either.
 
     Args:
         judgement: Judgement of the torque that controllers command.
@@ -56,38 +58,33 @@ def without_gain_ambiguities(
     if not any(recording.controlled for recording in recordings):
         return judgement
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
-    constants = [finding for finding in judgement.findings if finding.effect == "torque_constant"]
-    results = {_place(one): gate.beyond_the_gain(_excess(one), stated=one.joint not in estimated) for one in constants}
-    small_ratios = [one for one in constants if not results[_place(one)].passed]
-    large_ratios = [one for one in constants if results[_place(one)].passed]
-    # An estimated kd includes the viscous friction of the joint, so it may be too large by this friction.
-    damping = [
-        one
-        for one in judgement.findings
-        if one.effect == "viscous_friction" and one.joint in estimated and _explained_by_damping_gain(one, robot)
-    ]
-    results |= {_place(one): gate.beyond_the_gain(_over_damping(one, robot), stated=False) for one in damping}
-    kept = [finding not in small_ratios and finding not in damping for finding in judgement.findings]
-    findings = tuple(finding for finding, keep in zip(judgement.findings, kept, strict=True) if keep)
+    results = _gate_results(judgement.findings, estimated, robot)
+    removed = {place for place, result in results.items() if not result.passed}
+    kept = [_place(finding) not in removed for finding in judgement.findings]
+    findings = tuple(compress(judgement.findings, kept))
     found = {_place(finding) for finding in findings}
-    constants_by_gains = [NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints]
-    others_by_gains = _hidden_by_estimated_gains(judgement, estimated)
-    by_gains = (*constants_by_gains, *others_by_gains)
-    hidden = {(entry.effect, entry.joint) for entry in others_by_gains}
+    hidden_by_gains = _hidden_by_gains(judgement, estimated)
+    hidden_places = {(entry.effect, entry.joint) for entry in hidden_by_gains}
 
     def is_hidden(effect: str, joint: str | None) -> bool:
-        """True if errors of gains hide an effect. What the judgement says of its size or test then does not hold."""
-        return effect == "torque_constant" or (effect, joint) in hidden
+        """True if errors of gains hide an effect, so that bounds and reasons of the judgement do not apply to it."""
+        return effect == "torque_constant" or (effect, joint) in hidden_places
 
     not_testable_otherwise = tuple(one for one in judgement.not_testable if not is_hidden(one.effect, one.joint))
-    untestable = tuple(entry for entry in by_gains if (entry.effect, entry.joint) not in found)
+    untestable = tuple(entry for entry in hidden_by_gains if (entry.effect, entry.joint) not in found)
+    ratios = [finding for finding in judgement.findings if finding.effect == "torque_constant"]
     within_gain_tolerance = tuple(
         Adjusted(f"{one.joint} torque constant times controller gain", _excess(one), gate.GAIN_TOLERANCE)
-        for one in small_ratios
+        for one in ratios
+        if _place(one) in removed
     )
-    warned = tuple(Note(Code.GAIN_OR_CONSTANT, one.joint, {"ratio": 1.0 + _excess(one)}) for one in large_ratios)
+    warned = tuple(
+        Note(Code.GAIN_OR_CONSTANT, one.joint, {"ratio": 1.0 + _excess(one)})
+        for one in ratios
+        if _place(one) not in removed
+    )
     warned += _zero_notes(findings, robot)
-    shown = tuple(torque for torque, keep in zip(judgement.evidence.tau_without, kept, strict=False) if keep)
+    shown = tuple(compress(judgement.evidence.tau_without, kept))
     verdict = "no_gap" if not findings and judgement.verdict == "explained" else judgement.verdict
     return replace(
         judgement,
@@ -107,10 +104,26 @@ def _place(finding: Finding) -> tuple[str, str | None]:
     return finding.effect, finding.joint
 
 
-def _hidden_by_estimated_gains(judgement: Judgement, estimated: set[str]) -> list[NotTestable]:
-    """Effects, besides torque constants, that estimated gains hide: they were estimated from the same positions."""
+def _gate_results(
+    findings: tuple[Finding, ...], estimated: set[str], robot: Robot
+) -> dict[tuple[str, str | None], GateResult]:
+    """Result of the gate `beyond_the_gain` for each finding that an error of a gain might explain, by its place."""
+    out = {}
+    for finding in findings:
+        if finding.effect == "torque_constant":
+            out[_place(finding)] = gate.beyond_the_gain(_excess(finding), stated=finding.joint not in estimated)
+        # An estimated kd includes the viscous friction of the joint, so it may be too large by this friction.
+        friction = finding.effect == "viscous_friction" and finding.joint in estimated
+        if friction and _explained_by_damping_gain(finding, robot):
+            out[_place(finding)] = gate.beyond_the_gain(_over_damping(finding, robot), stated=False)
+    return out
+
+
+def _hidden_by_gains(judgement: Judgement, estimated: set[str]) -> list[NotTestable]:
+    """Effects that gains hide: torque constants always, others if the gain was estimated from the same positions."""
+    out = [NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints]
     joints = [gap.joint for gap in judgement.joints if gap.joint in estimated]
-    out = [NotTestable("viscous_friction", joint, _DAMPING) for joint in joints]
+    out += [NotTestable("viscous_friction", joint, _DAMPING) for joint in joints]
     out += [NotTestable("inertial_parameters", joint, _LOAD) for joint in joints]
     if estimated:
         out.append(NotTestable("payload", None, _LOAD))
@@ -141,10 +154,10 @@ def _zero_notes(findings: tuple[Finding, ...], robot: Robot) -> tuple[Note, ...]
 
 
 def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tuple[Note, ...]:
-    """A note for each joint whose simulated position error is larger than noise and a residual without a gap explain.
+    """A note for each joint whose simulated position error is too large for noise, and for a residual without a gap.
 
-    Under a position controller, an unmodelled torque causes a position error of the torque divided by the gain kp. So
-    does a residual that is too small to count as a gap.
+    Under a position controller, an unmodelled torque causes a position error of the torque divided by the gain kp. A
+    residual that is too small to count as a gap also causes such an error.
     """
     rollout = simulated.json or {}
     errors, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
@@ -156,7 +169,7 @@ def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tupl
             by_residual[gap.joint] = gap.allowed / controller.kp
     out = []
     for joint, error in errors.items():
-        if error > max(_STRAYS * noise.get(joint, np.inf), by_residual.get(joint, 0.0)):
+        if error > max(_LARGE_ERROR * noise.get(joint, np.inf), by_residual.get(joint, 0.0)):
             unit = "m" if robot.prismatic[rows[joint]] else "rad"
             out.append(Note(Code.STRAYS_UNDER_CONTROL, joint, {"error": error, "noise": noise[joint], "unit": unit}))
     return tuple(out)
@@ -165,7 +178,7 @@ def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tupl
 def _explained_by_damping_gain(finding: Finding, robot: Robot) -> bool:
     """True if an error of the damping gain could explain the found viscous friction.
 
-    It could if gain and friction together, the true gain, may be zero or positive.
+    The true damping gain would then be the sum of both, which must not be negative by more than two deviations.
     """
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller

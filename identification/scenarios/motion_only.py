@@ -34,8 +34,8 @@ def with_controller_torque(recording: Recording, robot: Robot) -> Recording:
         robot: The robot with its controllers.
 
     Raises:
-        LogError: If there is neither torque nor a reference of every driven joint, or the controllers' torque is zero
-            throughout.
+        LogError: If there is neither a torque nor a reference for every driven joint, or the controllers' torque is
+            zero throughout.
     """
     if recording.tau is not None:
         return recording
@@ -54,10 +54,13 @@ def with_controller_torque(recording: Recording, robot: Robot) -> Recording:
 
 
 def _with_controller_gains(recording: Recording, robot: Robot) -> Recording:
-    """The recording with the derivatives of its controllers' torque by reference and velocity, and its limits."""
+    """The recording with the gains of its controllers' torque on reference and velocity, and the limits of this torque.
+
+    Where velocities were recorded, the torque contains no finite difference, so no velocity gain is needed.
+    """
     controllers = [Controller() if a.controller is None or not a.actuated else a.controller for a in robot.actuators]
-    supply_ratio = np.array([float(np.mean(_supplied(recording, actuator))) for actuator in robot.actuators])
-    limits = np.array([_bound(actuator) for actuator in robot.actuators]) * supply_ratio
+    supply_ratio = np.array([float(np.mean(_supply_ratio(recording, actuator))) for actuator in robot.actuators])
+    limits = np.array([_position_torque_limit(actuator) for actuator in robot.actuators]) * supply_ratio
     # The torque of a controller with a delay depends on an earlier velocity, so it has no gain for the present one.
     undelayed = np.array([controller.delay == 0 for controller in controllers])
     velocity_gain = np.array([controller.kd for controller in controllers]) * undelayed if recording.v is None else None
@@ -71,12 +74,12 @@ def _with_controller_gains(recording: Recording, robot: Robot) -> Recording:
     )
 
 
-def _bound(actuator: Actuator) -> float:
+def _position_torque_limit(actuator: Actuator) -> float:
     """Limit of the torque that a position error commands: by voltage or controller, else the drive's torque limit."""
-    voltage = voltage_bound(actuator)
+    limit = voltage_bound(actuator)
     if actuator.controller is not None:
-        voltage = min(voltage, actuator.controller.limit)
-    return voltage if np.isfinite(voltage) or actuator.torque_limit is None else actuator.torque_limit
+        limit = min(limit, actuator.controller.limit)
+    return limit if np.isfinite(limit) or actuator.torque_limit is None else actuator.torque_limit
 
 
 def controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
@@ -97,13 +100,13 @@ def controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"
         limit, delay = voltage_bound(actuator), controller.reference_delay
         reference = np.interp(t - delay, t, recording.q_ref[:, k]) if delay else recording.q_ref[:, k]
         command = np.clip(controller.stiff_part(reference - recording.q[:, k]), -limit, limit)
-        command = _supplied(recording, actuator) * command
+        command = _supply_ratio(recording, actuator) * command
         command = command - controller.kd * v[:, k]
         out[:, k] = command if controller.delay == 0 else np.interp(t - controller.delay, t, command)
     return out
 
 
-def _supplied(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | float:
+def _supply_ratio(recording: Recording, actuator: Actuator) -> Float[Array, " N"] | float:
     """Ratio of measured to stated supply voltage for a drive whose output is a duty cycle; 1 for other drives."""
     duty = actuator.controller is not None and actuator.controller.kind == "duty"
     if not duty or recording.supply is None or actuator.voltage_limit is None:

@@ -1,4 +1,4 @@
-"""Detects drives that reduce their output beyond a position error to protect themselves, from the modelled torque.
+"""Detects drives that protect themselves: beyond a certain position error they reduce their output.
 
 If the torque was computed from references, no output of the drive was recorded. The modelled torque along the motion is
 used instead. As a function of the position error, it shows the gain and delay of the control loop, and the error beyond
@@ -21,7 +21,7 @@ from phantom_dyn.model.robot import Robot
 
 
 def protection_notes(session: Session) -> tuple[Note, ...]:
-    """A note for each joint and recording whose drive protects itself, unless robot.yaml states this.
+    """A note for each joint and recording in which a drive protects itself, unless robot.yaml states it.
 
     Args:
         session: Robot, logs and recordings.

@@ -41,7 +41,7 @@ def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[
     """
     path = Path(path)
     content = load_mapping(path, ParameterError)
-    _known_keys(content, str(path), "", ("recordings",))
+    _require_known(content, str(path), "", ("recordings",))
     if "recordings" not in content:
         raise ParameterError(f"{path}: the key recordings is missing, wanted a list of entries such as - file: a.csv.")
     entries = list_at(content["recordings"], str(path), "recordings")
@@ -50,8 +50,8 @@ def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[
     for k, entry in enumerate(entries):
         key = f"recordings[{k}]"
         change = _change(entry, str(path), key, joints)
-        change = replace(change, beside=tuple(_place(file, path, key) for file in change.beside))
-        at = _which(change.file, path, key, logs)
+        change = replace(change, beside=tuple(_existing_path(file, path, key) for file in change.beside))
+        at = _recording_index(change.file, path, key, logs)
         if at in seen:
             raise ParameterError(
                 f"{path}: {key}.file is {shortened(change.file)}, which {seen[at]} has said already: join the two."
@@ -85,7 +85,7 @@ def changed_from_first(names: str, logs: Sequence[str | Path]) -> tuple[Change, 
     return tuple(Change(Path(log).name, changed=stated if k else ()) for k, log in enumerate(logs))
 
 
-def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
+def _recording_index(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
     """Index of the recording that a path or file name identifies."""
     places = {(folder / file).resolve() for folder in (path.parent, Path())}
     exact = [k for k, log in enumerate(logs) if Path(log).resolve() in places]
@@ -105,14 +105,15 @@ def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
 def _change(entry: Any, file: str, key: str, joints: Sequence[str]) -> Change:
     if not isinstance(entry, Mapping):
         raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted a mapping with file and what was different.")
-    _known_keys(entry, file, key, RECORDING_KEYS)
+    _require_known(entry, file, key, RECORDING_KEYS)
     name, *beside = _files(entry, file, key)
-    gains = entry.get("controller")
     return Change(
         file=name,
         beside=tuple(beside),
         payload=_payload(entry["payload"], file, f"{key}.payload") if "payload" in entry else None,
-        controllers=_controllers(gains, file, f"{key}.controller", joints) if "controller" in entry else {},
+        controllers=_controllers(entry["controller"], file, f"{key}.controller", joints)
+        if "controller" in entry
+        else {},
         changed=_changed(entry["changed"], file, f"{key}.changed") if "changed" in entry else (),
         exclude=_stretches(entry["exclude"], file, f"{key}.exclude") if "exclude" in entry else (),
     )
@@ -135,8 +136,8 @@ def _files(entry: Mapping[Any, Any], file: str, key: str) -> list[str]:
     return names
 
 
-def _place(file: str, path: Path, key: str) -> str:
-    """Path of a further file, relative to the folder of the ``recordings.yaml`` or to the working folder."""
+def _existing_path(file: str, path: Path, key: str) -> str:
+    """Path of a further file of a recording, in the folder of the ``recordings.yaml`` or in the working folder."""
     for folder in (path.parent, Path()):
         if (folder / file).exists():
             return str(folder / file)
@@ -149,7 +150,7 @@ def _payload(entry: Any, file: str, key: str) -> KnownPayload:
             f"{file}: {key} is {describe(entry)}, wanted a mapping such as {{mass: 0.5, center: [0, 0, 0.1]}}; if the "
             "payload is not known, diagnose that recording by itself."
         )
-    _known_keys(entry, file, key, PAYLOAD_KEYS)
+    _require_known(entry, file, key, PAYLOAD_KEYS)
     for name in PAYLOAD_KEYS:
         if name not in entry:
             raise ParameterError(f"{file}: {key}.{name} is missing, wanted mass [kg] and center [m].")
@@ -170,14 +171,14 @@ def _controllers(entry: Any, file: str, key: str, joints: Sequence[str]) -> dict
         )
     if set(entry) & set(CONTROLLER_KEYS) and not set(entry) & set(joints):
         return dict.fromkeys(joints, _controller(entry, file, key))
-    _known_keys(entry, file, key, tuple(joints), "joints")
+    _require_known(entry, file, key, tuple(joints), "joints")
     return {joint: _controller(gains, file, f"{key}.{joint}") for joint, gains in entry.items()}
 
 
 def _controller(entry: Any, file: str, key: str) -> Controller:
     if not isinstance(entry, Mapping):
         raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted gains such as {{kp: 40, kd: 1}}.")
-    _known_keys(entry, file, key, CONTROLLER_KEYS)
+    _require_known(entry, file, key, CONTROLLER_KEYS)
     if entry.get("kind", "pd") != "pd":
         raise ParameterError(f"{file}: {key}.kind is {describe(entry['kind'])}, wanted pd, the only one there is.")
     return Controller("pd", **{name: _not_negative(entry.get(name, 0.0), file, f"{key}.{name}") for name in _GAINS})
@@ -216,8 +217,8 @@ def _not_negative(value: Any, file: str, key: str) -> float:
     return number
 
 
-def _known_keys(entry: Mapping[Any, Any], file: str, key: str, wanted: tuple[str, ...], what: str = "keys") -> None:
-    """Raise an error if an entry has a key that is not wanted."""
+def _require_known(entry: Mapping[Any, Any], file: str, key: str, wanted: tuple[str, ...], what: str = "keys") -> None:
+    """Raise an error if an entry has a key that is not wanted; ``what`` is ``keys`` or ``joints``."""
     for name in entry:
         if name not in wanted:
             place = f" in {key}" if key else ""

@@ -42,8 +42,9 @@ def torque_or_motion(
         return robot, read(True), False
     except NoTorqueError as refusal:
         recordings = read(False)
-        moving = [one for one in recordings if not one.poses_alone]
-        if len(moving) < len(recordings) and all(one.tau is not None for one in moving):
+        # Recordings that have poses alone need no torque.
+        with_motion = [one for one in recordings if not one.poses_alone]
+        if len(with_motion) < len(recordings) and all(one.tau is not None for one in with_motion):
             return robot, recordings, False
         if any(one.q_ref is None for one in recordings):
             raise
@@ -72,7 +73,7 @@ def driven_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tu
 def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
     """The recordings with a single note on their torque, in the first one, instead of one note in each recording.
 
-    Notes that differ only in the name of the file are removed. The remaining note has their number.
+    Notes that differ only in the name of the file are removed. The remaining note states how many were removed.
     """
     first, *others = recordings
     shared = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)

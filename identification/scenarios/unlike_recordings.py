@@ -1,4 +1,4 @@
-"""A note if the given model fits some recordings and not others, for example because the robot carried a load."""
+"""Makes a note if the given model fits only some recordings, for example because the robot carried a load in others."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Diagnosis of backlash and compliance from positions at rest.
 
-It is used for recordings that are too slow for a diagnosis of torques, and for controllers without a stated gain.
+It is used for recordings with references but without torque, if the gains of the controllers are not stated.
 """
 
 from __future__ import annotations
@@ -55,10 +55,11 @@ def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
 
     At least one joint with its encoder on the link's side has to rest under loads of either sign.
     """
-    gains = all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
-    if gains or any(recording.q_ref is None or recording.tau is not None for recording in recordings):
+    gains_stated = all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
+    if gains_stated or any(recording.q_ref is None or recording.tau is not None for recording in recordings):
         return False
-    return any(_why_not(robot, standstill_samples(robot, recordings, row), row) is None for row in range(robot.nv))
+    stills = (standstill_samples(robot, recordings, row) for row in range(robot.nv))
+    return any(_untestable_reason(robot, one, row) is None for row, one in enumerate(stills))
 
 
 def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
@@ -72,12 +73,12 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         recordings: Recordings with references.
 
     Raises:
-        LogError: If a recording has no references, or one that is not finite, or is certainly wrong.
+        LogError: If a recording has no references, has a reference that is not finite, or is certainly wrong.
     """
     started = time.perf_counter()
     require_right(recordings)
     every = [standstill_samples(robot, recordings, row) for row in range(robot.nv)]
-    why = [_why_not(robot, stills, row) for row, stills in enumerate(every)]
+    why = [_untestable_reason(robot, stills, row) for row, stills in enumerate(every)]
     fits = {row: fitted_rests(stills) for row, stills in enumerate(every) if why[row] is None}
     rows = sorted(fits, key=lambda row: -abs(fits[row].shift))
     findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], fits[row]))
@@ -93,7 +94,11 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         findings=findings,
         adjusted=(),
         unexplained=unexplained,
-        bounds=tuple(_bound(robot, row, fit) for row, fit in fits.items() if not fit.models),
+        bounds=tuple(
+            Bound("backlash", robot.joint_names[row], "gap", fit.detectable_size, robot.position_units[row])
+            for row, fit in fits.items()
+            if not fit.models
+        ),
         not_testable=_untestable(robot, why),
         data_warnings=(
             *fault_warnings(recordings),
@@ -117,7 +122,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     return with_poses(found, robot, recordings)
 
 
-def _why_not(robot: Robot, stills: StandstillSamples, row: int) -> str | None:
+def _untestable_reason(robot: Robot, stills: StandstillSamples, row: int) -> str | None:
     """Why the rests of a joint cannot show backlash or compliance; None if they can."""
     if robot.actuators[row].encoder_side == "motor":
         return _ON_MOTOR
@@ -125,13 +130,13 @@ def _why_not(robot: Robot, stills: StandstillSamples, row: int) -> str | None:
 
 
 def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
-    """Effects that rests cannot show; ``why`` has the reason for each joint whose rests show nothing."""
+    """Effects that rests cannot show; ``why`` has the reason for each joint, or None if its rests show all they can."""
     out = []
     for effect in catalogue.effects_of(robot):
         words = user_words(effect.name, robot)
         for joint in effect.places(robot):
-            own = effect.name in _SHOWN_AT_REST and joint is not None
-            reason = why[robot.joint_names.index(joint)] if own else _AT_REST
+            can_show = effect.name in _SHOWN_AT_REST and joint is not None
+            reason = why[robot.joint_names.index(joint)] if can_show else _AT_REST
             out += [NotTestable(effect.name, joint, reason, words)] if reason is not None else []
     return tuple(out)
 
@@ -149,7 +154,6 @@ def _findings(robot: Robot, row: int, stills: StandstillSamples, found: RestFits
     # Probabilities of models that are not listed are distributed over the listed ones.
     listed = found.probabilities[0] + sum(rival.probability for rival in rivals)
     rivals = tuple(Rival(rival.effects, rival.probability / listed) for rival in rivals)
-    gap = max(_mean_square(found.before) - stills.repeatability**2, 1e-300)
     low, high = (float(x) for x in np.percentile(found.replicates, [2.5, 97.5]))
     return [
         Finding(
@@ -157,7 +161,7 @@ def _findings(robot: Robot, row: int, stills: StandstillSamples, found: RestFits
             joint=joint,
             regime="high_load",
             parameters=_parameters(robot, row, best, k),
-            gap_closed=(_mean_square(found.before) - _mean_square(best.residual)) / gap,
+            gap_closed=_gap_closed(found, best, stills.repeatability),
             gap_closed_interval=(low, high),
             probability=found.probabilities[0] / listed,
             rivals=rivals,
@@ -193,16 +197,12 @@ def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: RestFi
     return [distance, Note(Code.CONTROLLER_GIVES_WAY, joint)] if found.models else [distance]
 
 
-def _bound(robot: Robot, row: int, found: RestFits) -> Bound:
-    return Bound("backlash", robot.joint_names[row], "gap", found.detectable_size, robot.position_units[row])
-
-
 def _gap(robot: Robot, row: int, stills: StandstillSamples, found: RestFits | None) -> JointGap:
     joint, unit = robot.joint_names[row], robot.position_units[row]
     if found is None:
         return JointGap(joint, unit, 0.0, 0.0, max(stills.repeatability, 1e-12), 0)
     residual = found.models[0].residual if found.models else found.before
-    before, after = np.sqrt(_mean_square(found.before)), np.sqrt(_mean_square(residual))
+    before, after = _rms(found.before), _rms(residual)
     return JointGap(joint, unit, before, after, max(min(stills.repeatability, after), 1e-12), len(stills.t))
 
 
@@ -256,10 +256,6 @@ def _evidence(robot: Robot, every: list[StandstillSamples], fits: dict[int, Rest
     )
 
 
-def _mean_square(values: Array) -> float:
-    return float(np.mean(values**2))
-
-
 def claims_at_rest(joint: str, found: RestFits, repeat: float) -> tuple[Claim[EffectAt], ...]:
     """Entries of the ledger: one for each effect of the claimed model, and one for each other model.
 
@@ -285,7 +281,7 @@ def _claim(joint: str, found: RestFits, effects: tuple[str, ...], repeat: float)
     own = next((model for model in found.models if model.effects == effects), None)
     if own is None:  # the model of both effects was rejected, because one of them does not differ from zero
         return Claim(at, gates, "not_claimed", judged_by="rests")
-    figures = {"closes": _closes(found, own, repeat)}
+    figures = {"closes": _gap_closed(found, own, repeat)}
     if claimed:
         return Claim(at, gates, "claimed", figures=figures, judged_by="rests")
     figures["floors_more"] = (_rms(own.residual) - _rms(first.residual)) / repeat
@@ -303,11 +299,15 @@ def _against_rivals(found: RestFits, model: tuple[str, ...]) -> tuple[GateResult
     return (*both, likelier_than_rivals(odds[model], rival, leads=model == found.models[0].effects))
 
 
-def _closes(found: RestFits, model: RestModel, repeat: float) -> float:
+def _gap_closed(found: RestFits, model: RestModel, repeatability: float) -> float:
     """Share of the joint's gap that a model of the rests explains."""
-    before = _rms(found.before) ** 2
-    return (before - _rms(model.residual) ** 2) / max(before - repeat**2, 1e-300)
+    before = _mean_square(found.before)
+    return (before - _mean_square(model.residual)) / max(before - repeatability**2, 1e-300)
 
 
-def _rms(residual: Float[Array, " R"]) -> float:
-    return float(np.sqrt(np.mean(residual**2)))
+def _mean_square(values: Float[Array, " R"]) -> float:
+    return float(np.mean(values**2))
+
+
+def _rms(values: Float[Array, " R"]) -> float:
+    return float(np.sqrt(_mean_square(values)))

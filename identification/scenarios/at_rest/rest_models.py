@@ -34,7 +34,7 @@ REST_MODELS = (("backlash",), ("transmission_compliance",), ("backlash", "transm
 
 @dataclass(frozen=True)
 class RestModel:
-    """One model of how a joint moves under load, fitted to the rests.
+    """One model of how a joint gives way under load, fitted to the rests.
 
     Attributes:
         effects: Names of its effects in the catalogue.
@@ -58,7 +58,7 @@ class RestFits:
         models: Fitted models, the most probable first; empty if the shift may be chance.
         probabilities: Probability of each model, see `engine.resampling`.
         replicates: Share of the gap that the first model explains, in each bootstrap replicate.
-        shift: Distance of the rests under loads of opposite sign [rad or m].
+        shift: Distance between the rests under loads of opposite sign [rad or m].
         detectable_size: The smallest shift that would be claimed in 95 of 100 such recordings.
         above_chance: Whether the shift is larger than chance explains; both numbers are squares in units of the shift's
             standard deviation.

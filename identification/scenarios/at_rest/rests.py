@@ -82,16 +82,16 @@ def standstill_samples(robot: Robot, recordings: tuple[Recording, ...], row: int
         parts.append((recording.t - recording.t[0] + start, recording.q, recording.q[:, row] - q_ref, load, still))
         start = float(parts[-1][0][-1]) + 1.0
     largest = max((float(np.abs(load[still]).max()) for *_, load, still in parts if still.any()), default=0.0)
-    chosen, rest, count = [], [], 0
-    for *_, load, still in parts:
+    selected, count = [], 0
+    for t, q, error, load, still in parts:
         load_sign = np.where(still & (np.abs(load) > max(LOADED * largest, _LEAST_LOAD)), np.sign(load), 0.0)
-        begins = (load_sign != 0) & (load_sign != np.concatenate([[0.0], load_sign[:-1]]))
+        use = load_sign != 0
+        begins = use & (load_sign != np.concatenate([[0.0], load_sign[:-1]]))
         number = np.cumsum(begins) - 1 + count
-        chosen.append(load_sign != 0)
-        rest.append(number[load_sign != 0])
+        selected.append((t[use], q[use], error[use], load[use], number[use]))
         count += int(begins.sum())
-    t, q, error, load = (np.concatenate([p[k][c] for p, c in zip(parts, chosen, strict=True)]) for k in range(4))
-    return StandstillSamples(t, q, error, load, np.concatenate(rest), float(steps[row]))
+    t, q, error, load, rest = (np.concatenate(values) for values in zip(*selected, strict=True))
+    return StandstillSamples(t, q, error, load, rest, float(steps[row]))
 
 
 def _references(recording: Recording, row: int) -> Float[Array, " N"]:
