@@ -21,7 +21,8 @@ from phantom_dyn.errors import printable, shortened
 
 SCHEMA = "gap-diagnoses/1"
 WIDTH = 100
-_NAME_WIDTH, _SHOWN = 32, 3
+_NAME_WIDTH = 32  # largest width of a recording's name in the table
+_SHOWN = 3  # largest number of causes in one line of the table
 
 
 def table(result: DiagnosedRecordings) -> str:
@@ -125,7 +126,7 @@ def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
 
 
 def _cause_words(row: DiagnosedRecording) -> str:
-    """The causes that a diagnosis found, or the reason why it found none."""
+    """The causes that a diagnosis found, else its verdict in words, or the reason why the recording was refused."""
     if row.verdict == REFUSED:
         return row.refusal or ""
     if not row.causes:

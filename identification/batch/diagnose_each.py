@@ -18,7 +18,6 @@ from identification.data.readers.presets import usable_columns
 from identification.data.reading import ReadOptions, read_recording
 from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis
 from identification.files import disk_full_words, is_disk_full, require_existing, require_own
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
@@ -40,7 +39,7 @@ REFUSED = "refused"
 _BAG = "metadata.yaml"  # file in the folder of a ROS 2 bag
 
 # Threads write their reports one after the other, because matplotlib's style applies to the whole process.
-_WRITING = threading.Lock()
+_WRITE_LOCK = threading.Lock()
 # Refusals of a recording whose process died, and of one whose diagnosis raised an unexpected error.
 _LOST = (
     "{}: the process that diagnosed it ended again and again, perhaps because memory ran out: diagnose it alone, or "
@@ -122,7 +121,10 @@ def folder_names(paths: Sequence[Path]) -> tuple[str, ...]:
 
 
 def _name(path: Path, length: int) -> str:
-    """The last ``length`` parts of a path, joined; the file name without ending for a ``length`` of zero."""
+    """The last ``length`` parts of a path, joined.
+
+    For a ``length`` of zero, the name of a file without its ending, or the name of a folder (a ROS 2 bag).
+    """
     if length == 0 and not path.is_dir():
         return path.stem
     parts = path.parts[1:]
@@ -255,15 +257,6 @@ def _with_absolute_source(robot: Robot) -> Robot:
     return replace(robot, source=str(file.absolute())) if file.is_file() and find_robot(robot.source) == file else robot
 
 
-def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: ReadOptions, log: Path) -> Diagnosis:
-    """Diagnose one recording from its torque; without recorded torque, from the torque that the controllers command."""
-
-    def read(torque_needed: bool) -> tuple[Recording, ...]:
-        return (read_recording(log, robot, **vars(reading), torque_needed=torque_needed),)
-
-    return diagnose(robot, read, known=known)
-
-
 def _diagnosed(
     robot: Robot,
     known: tuple[KnownEffect, ...],
@@ -273,13 +266,17 @@ def _diagnosed(
     row: DiagnosedRecording,
 ) -> DiagnosedRecording:
     """Read and diagnose one recording and write its files; returns the row with the result."""
-    # A closed chain stores its last solution as the next initial value. With a copy, results do not depend on earlier
+    # A closed chain stores its last solution as the next initial value. A copy makes results independent of earlier
     # recordings.
     robot = copy.deepcopy(robot)
+
+    def read(torque_needed: bool) -> tuple[Recording, ...]:
+        return (read_recording(log, robot, **vars(reading), torque_needed=torque_needed),)
+
     try:
-        diagnosis = _of_torque_or_motion(robot, known, reading, log)
+        diagnosis = diagnose(robot, read, known=known)
         if folder is not None:
-            with _WRITING:
+            with _WRITE_LOCK:
                 write_outputs(diagnosis, robot, out=folder, json_file=None, known=known)
     except PhantomDynError as refusal:
         return replace(row, refusal=str(refusal))

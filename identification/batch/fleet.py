@@ -40,12 +40,12 @@ _FEWEST_FOR_SCATTER = 3
 _FEWEST_FOR_CHANGE = 6
 """Smallest number of recordings of a robot that is tested for changes."""
 ORDERS = 4999
-"""Number of random orders or draws; a probability of 0.01 is then accurate to about a tenth of its value."""
+"""Number of random series; a probability of 0.01 is then accurate to about a tenth of its value."""
 _MOST_ORDERS = 199_999
-"""Largest number of random orders or draws. It limits the smallest probability that can be measured, so with more than
-a thousand sizes no change is significant."""
+"""Largest number of random series. It limits the smallest probability that can be measured, so with more than a
+thousand sizes no change is significant."""
 _PER_LEVEL = 10
-"""The number of draws is so large that this number of them is expected below the strictest significance level."""
+"""Expected number of random series below the strictest significance level; it determines the number of series."""
 
 
 class Size(NamedTuple):
@@ -145,7 +145,7 @@ class ChangePoint:
 
 
 def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
-    """Collects the sizes of all findings into one series per robot and size.
+    """Series of each robot and size, from the sizes of all findings.
 
     Args:
         result: The diagnoses; refused recordings are left out.
@@ -166,8 +166,11 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
         for key, stds in seen.items():
             typical_std = float(np.median(stds))
             found_together = {other.effect for found in sizes.values() if key in found for other in found}
+            # Without the finding a size is zero, unless another effect on the joint may replace the finding.
             known_rows = [
-                row for row in of_robot if key in sizes[row.log] or not _others(sizes[row.log], key) - found_together
+                row
+                for row in of_robot
+                if key in sizes[row.log] or _effects_on(key.joint, sizes[row.log]) <= found_together
             ]
             if not known_rows:
                 continue
@@ -234,17 +237,18 @@ def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
 
 def _with_enough_draws(one: Series, scatter: Float[Array, " m"] | None, orders: int) -> ChangePoint:
     """The best-fitting change, with its probability from few draws or, if it is small, from ``orders`` draws."""
-    few = change_point(one.values, one.stds, scatter)
-    rare = orders > ORDERS and few.p * (1 + ORDERS) <= 2 * _PER_LEVEL
-    return change_point(one.values, one.stds, scatter, orders) if rare else few
+    by_few = change_point(one.values, one.stds, scatter)
+    as_good = by_few.p * (1 + ORDERS)  # number of draws with a fit as good as that of the recordings
+    if orders > ORDERS and as_good <= 2 * _PER_LEVEL:
+        return change_point(one.values, one.stds, scatter, orders)
+    return by_few
 
 
 def _significant_without_any(one: Series, scatter: Float[Array, " m"]) -> bool:
     """True if the change remains significant after any single recording is left out."""
-    every = np.arange(len(one.values))
     return all(
-        change_point(one.values[kept], one.stds[kept], scatter).p <= LEVEL
-        for kept in (np.delete(every, k) for k in every)
+        change_point(np.delete(one.values, k), np.delete(one.stds, k), scatter).p <= LEVEL
+        for k in range(len(one.values))
     )
 
 
@@ -263,16 +267,16 @@ def change_point(
             random series are the values in random order.
         orders: Number of random series.
     """
-    least = float(np.median(stds))
-    weights = 1.0 / np.maximum(stds, least if least > 0 else 1.0) ** 2
-    known = 0.0 if scatter is None else float(np.median(weights) * scatter @ scatter)
-    best, place, levels = _best_change(values[None], weights[None], known)
+    # No recording gets a higher weight than the median one: a single very certain size would outweigh all others.
+    typical_std = float(np.median(stds))
+    weights = 1.0 / np.maximum(stds, typical_std if typical_std > 0 else 1.0) ** 2
+    others_square = 0.0 if scatter is None else float(np.median(weights) * scatter @ scatter)
+    best, place, levels = _best_change(values[None], weights[None], others_square)
     rng = np.random.default_rng(0)
     as_good, remaining = 0, orders
     while remaining > 0:
         count = min(remaining, ORDERS)
-        drawn = _drawn(rng, np.stack([values, weights]), scatter, count)
-        chance, _, _ = _best_change(*drawn, known)
+        chance, _, _ = _best_change(*_drawn(rng, values, weights, scatter, count), others_square)
         # The factor counts fits that differ only by rounding as equally good.
         as_good += int(np.sum(chance >= best[0] * (1 - 1e-9)))
         remaining -= count
@@ -283,26 +287,34 @@ def change_point(
 
 
 def _drawn(
-    rng: np.random.Generator, own: Float[Array, "2 n"], scatter: Float[Array, " m"] | None, count: int
+    rng: np.random.Generator,
+    values: Float[Array, " n"],
+    weights: Float[Array, " n"],
+    scatter: Float[Array, " m"] | None,
+    count: int,
 ) -> tuple[Float[Array, "k n"], Float[Array, "k n"]]:
     """Values and weights of random series without a change, one row per series.
 
     Args:
         rng: Random number generator.
-        own: Values and weights of the robot's recordings in the order of time.
+        values: Sizes of the robot's recordings in the order of time.
+        weights: Weight of each size.
         scatter: Deviations from which values are drawn; None to permute the robot's recordings.
         count: Number of series.
     """
-    length = own.shape[1]
+    length = len(values)
     if scatter is None:
         orders = rng.permuted(np.tile(np.arange(length), (count, 1)), axis=1)
-        return own[0][orders], own[1][orders]
-    # The scatter is known from a limited number of recordings only. The factor makes a normal distribution Student's.
-    wide = np.sqrt(len(scatter) / rng.chisquare(len(scatter), (count, 1)))
-    return rng.choice(scatter, (count, length)) * wide, np.tile(own[1], (count, 1))
+        return values[orders], weights[orders]
+    # The scatter is known from a limited number of recordings only. With this factor, normal deviations get Student's
+    # distribution.
+    factor = np.sqrt(len(scatter) / rng.chisquare(len(scatter), (count, 1)))
+    return rng.choice(scatter, (count, length)) * factor, np.tile(weights, (count, 1))
 
 
-def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], known: float) -> tuple[Array, Array, Array]:
+def _best_change(
+    values: Float[Array, "k n"], weights: Float[Array, "k n"], others_square: float
+) -> tuple[Array, Array, Array]:
     """Fits all steps and drifts to each series and returns the best one.
 
     A step has at least two values on either side; a drift has at least three values after its beginning.
@@ -310,7 +322,7 @@ def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], know
     Args:
         values: Sizes in the order of time, one series per row.
         weights: Weight of each value.
-        known: Weighted sum of squares of other robots' deviations, which is added to that of each series.
+        others_square: Weighted sum of squares of other robots' deviations, which is added to that of each series.
 
     Returns:
         Share of the weighted sum of squares that the change explains, position of the change, and the levels before
@@ -324,17 +336,17 @@ def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], know
     # Subtracting the mean of each shape reduces rounding errors in the weighted sums below.
     shapes -= shapes.mean(axis=1, keepdims=True)
     places = np.array([*steps, *(count + k for k in drifts)])
-    mass = weights.sum(axis=1, keepdims=True)
-    mean = (weights * values).sum(axis=1, keepdims=True) / mass
-    middle = weights @ shapes.T / mass
-    square = weights @ (shapes**2).T - middle**2 * mass
-    slope = (weights * (values - mean)) @ shapes.T / square
-    gains = slope**2 * square
-    starts, ends = (mean + slope * (shapes[:, end] - middle) for end in (0, -1))
+    total_weight = weights.sum(axis=1, keepdims=True)
+    mean = (weights * values).sum(axis=1, keepdims=True) / total_weight
+    shape_mean = weights @ shapes.T / total_weight
+    shape_square = weights @ (shapes**2).T - shape_mean**2 * total_weight
+    slope = (weights * (values - mean)) @ shapes.T / shape_square
+    gains = slope**2 * shape_square
+    starts, ends = (mean + slope * (shapes[:, end] - shape_mean) for end in (0, -1))
     rows = np.arange(len(values))
     best = np.argmax(gains, axis=1)
     levels = np.stack([starts[rows, best], ends[rows, best]], axis=1)
-    squares = (weights * (values - mean) ** 2).sum(axis=1) + known
+    squares = (weights * (values - mean) ** 2).sum(axis=1) + others_square
     return gains[rows, best] / np.maximum(squares, 1e-300), places[best], levels
 
 
@@ -364,9 +376,9 @@ def _sizes(document: Any) -> dict[Size, tuple[float, float]]:
     return out
 
 
-def _others(found: Iterable[Size], key: Size) -> set[str]:
-    """Effects found on the joint of a size, including the size's own effect."""
-    return {one.effect for one in found if one.joint == key.joint}
+def _effects_on(joint: str | None, found: Iterable[Size]) -> set[str]:
+    """Effects that were found on a joint."""
+    return {one.effect for one in found if one.joint == joint}
 
 
 def short_names(folders: Iterable[str]) -> dict[str, str]:

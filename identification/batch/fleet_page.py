@@ -50,6 +50,7 @@ def fleet_page(result: DiagnosedRecordings) -> str:
             "<p>Points are recordings, bars 95 % intervals; a recording without the finding counts as zero. Robots in "
             "colour are out of line or changed, grey ones are not; a dashed line is the level before and after.</p>",
         ]
+    # Sizes of robots that are out of line or changed come first.
     quantities = sorted(
         dict.fromkeys(one.quantity for one in series),
         key=lambda quantity: not any(one.quantity == quantity for one in (*outliers, *changed)),
@@ -129,17 +130,17 @@ def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Chang
     """Draws one size of all robots with 95 % intervals; robots that differ or changed are in colour."""
     places, names = _places_and_names(series)
     marked = list(dict.fromkeys(one.robot for one in (*outliers, *changed)))
-    plain = len(series) <= len(_COLOURS) and not marked
-    quiet = [one for one in series if one.robot not in marked]
+    all_in_colour = len(series) <= len(_COLOURS) and not marked
+    unmarked = [one for one in series if one.robot not in marked]
     curves = []
-    for k, one in enumerate(quiet):
-        # All grey robots share one entry in the legend.
-        label = one.robot if plain else "" if k else "other robots"
-        colour = _COLOURS[k] if plain else _OTHERS
-        curves.append(_curve(one, places[one.robot] + _beside(k, len(series)), colour, label, 0.8))
+    for k, one in enumerate(unmarked):
+        # All grey robots share one entry in the legend, that of the first.
+        shared_label = "other robots" if k == 0 else ""
+        label, colour = (one.robot, _COLOURS[k]) if all_in_colour else (shared_label, _OTHERS)
+        curves.append(_curve(one, places[one.robot] + _offset(k, len(series)), colour, label, 0.8))
     for k, robot in enumerate(marked):
         (one,) = (one for one in series if one.robot == robot)
-        colour, x = _COLOURS[k % len(_COLOURS)], places[robot] + _beside(len(quiet) + k, len(series))
+        colour, x = _COLOURS[k % len(_COLOURS)], places[robot] + _offset(len(unmarked) + k, len(series))
         curves.append(_curve(one, x, colour, robot, 1.4))
         curves += [_levels(change, x, colour) for change in changed if change.robot == robot]
     label = f"{short_name(series[0].parameter)} [{series[0].unit}]"
@@ -165,7 +166,7 @@ def _places_and_names(series: list[Series]) -> tuple[dict[str, Array], tuple[str
     return {one.robot: np.array([at[log] for log in one.logs]) for one in series}, names
 
 
-def _beside(k: int, count: int) -> float:
+def _offset(k: int, count: int) -> float:
     """Offset of the k-th robot on the horizontal axis, so that the bars of robots do not hide each other."""
     return 0.4 * ((k + 0.5) / count - 0.5)
 
