@@ -75,11 +75,11 @@ def diagnosis_of_changes(
         UsageError: If a recording is not given as a path.
         LogError: If a recording cannot be used.
     """
-    fitted, judged = paths_of(recordings, "recordings"), paths_of(hold_out, "hold_out")
-    paths = (*fitted, *judged)
+    held = paths_of(hold_out, "hold_out")
+    paths = (*paths_of(recordings, "recordings"), *held)
     stated = read_changes(changes, paths, robot.joint_names)
     read = tuple(read_changed(path, robot, change, columns=columns) for path, change in zip(paths, stated, strict=True))
-    found = diagnose(robot, read, held_out=len(judged), known=known, changes=stated, progress=progress)
+    found = diagnose(robot, read, held_out=len(held), known=known, changes=stated, progress=progress)
     return Diagnosis(found, robot, known)
 
 

@@ -46,7 +46,7 @@ def reference_of(robot: Robot, given: object) -> Motion:
             )
         given = given.motion
     if isinstance(given, str | Path):
-        given = _read(robot, given)
+        given = _read_reference(robot, given)
     if not isinstance(given, Motion):
         raise UsageError(
             f"{described(given)} was given as the reference, wanted what excite returned, a motion, or a table with t "
@@ -59,7 +59,7 @@ def reference_of(robot: Robot, given: object) -> Motion:
     return given
 
 
-def _read(robot: Robot, path: str | Path) -> Motion:
+def _read_reference(robot: Robot, path: str | Path) -> Motion:
     """The reference in a file with the columns ``t`` and ``q_ref.<joint>``."""
     raw = read_raw(path)
     names = ["t", *(f"q_ref.{joint}" for joint in robot.joint_names)]
@@ -74,7 +74,7 @@ def _read(robot: Robot, path: str | Path) -> Motion:
 
 
 def with_named_effects(robot: Robot, given: object) -> Robot:
-    """The robot, with those of the given effects that are the user's own added to its catalogue.
+    """The robot with a catalogue that also contains the given effects of the user's own.
 
     Args:
         robot: The robot.
@@ -108,14 +108,15 @@ def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
         return tuple(_cause(robot, effect_of(robot, finding)) for finding in findings_in_all_recordings(given.result))
     if isinstance(given, str | Path):
         return tuple(_cause(robot, known) for known in known_effects((Path(given),), robot))
-    return tuple(_stated(robot, one) for one in listed(given))
+    return tuple(_cause_of_tuple(robot, one) for one in listed(given))
 
 
 def tracking(robot: Robot, motion: Motion, kp: object, kd: object) -> Tracking:
     """A controller that follows a motion.
 
     If no gains are given and the robot states all controllers, these are used. Otherwise the controller is the model's
-    torque plus feedback with the given gains; by default the feedback is critically damped.
+    torque plus feedback with the given gains. A position gain that is not given has the bandwidth ``_BANDWIDTH``; a
+    velocity gain that is not given damps critically.
     """
     stated = [actuator.controller for actuator in robot.actuators]
     if kp is None and kd is None and all(controller is not None for controller in stated):
@@ -148,7 +149,7 @@ def _gain(name: str, given: object, nv: int) -> Float[Array, " nv"]:
 
 
 def _cause(robot: Robot, known: KnownEffect) -> Cause:
-    """A known effect in the form that a simulation needs; an error for errors of the geometry."""
+    """A known effect in the form that a simulation needs; an error for an effect on the geometry."""
     if known.effect in OF_POSES:
         raise UsageError(
             f"{known.effect} of {known.joint or 'the base'} was given to be simulated, and changes where links are, "
@@ -157,7 +158,7 @@ def _cause(robot: Robot, known: KnownEffect) -> Cause:
     return Cause(effect_named(known.effect, robot), known.joint, np.array(known.theta))
 
 
-def _stated(robot: Robot, given: object) -> Cause:
+def _cause_of_tuple(robot: Robot, given: object) -> Cause:
     """An effect from a tuple of effect, joint and parameters."""
     wanted = 'wanted effect, joint and parameters such as ("coulomb_friction", "j1", {"torque": 0.3})'
     if not isinstance(given, tuple | list) or len(given) != 3 or not isinstance(given[2], dict):
@@ -166,6 +167,6 @@ def _stated(robot: Robot, given: object) -> Cause:
     if not (joint is None or isinstance(joint, str)) or not all(map(NUMBERS.allows, parameters.values())):
         raise UsageError(f"{described(given)} was given as an effect, {wanted}.")
     values = {str(key): tuple(np.atleast_1d(np.asarray(value, dtype=float))) for key, value in parameters.items()}
-    named = name if isinstance(name, str) else getattr(name, "name", repr(name))
-    found = degradation(robot, named, joint, values)
+    effect_name = name if isinstance(name, str) else getattr(name, "name", repr(name))
+    found = degradation(robot, effect_name, joint, values)
     return Cause(found.effect, found.joint, np.array(found.theta))
