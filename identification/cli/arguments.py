@@ -139,14 +139,12 @@ def expand_one_episode(arguments: argparse.Namespace) -> None:
     Raises:
         UsageError: If several episodes are chosen.
     """
-    if arguments.episodes is None and not is_lerobot(Path(arguments.log)):
-        return
-    from identification.data.readers.lerobot import with_episodes
-
-    chosen = with_episodes([arguments.log], arguments.episodes)
-    if len(chosen) > 1:
-        raise UsageError(f"{arguments.log} has {len(chosen)} episodes, wanted one: choose it, as in --episodes 0")
-    arguments.log = chosen[0]
+    arguments.logs = [arguments.log]
+    expand_episodes(arguments)
+    count = len(arguments.logs)
+    if count > 1:
+        raise UsageError(f"{arguments.log} has {count} episodes, wanted one: choose it, as in --episodes 0")
+    arguments.log = arguments.logs[0]
 
 
 def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:

@@ -5,18 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from identification.cli.arguments import DONE, Parser, add_reading, one_blas_thread
+from identification.cli.arguments import DONE, Parser, add_reading, expand_episodes, one_blas_thread
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import CHECK, Progress
-from identification.files import is_lerobot, looks_like_log, require_existing, require_not_swapped
+from identification.files import looks_like_log, require_existing, require_not_swapped
 from identification.stages import Announcement, Stage
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import looks_like_robot
-
-if TYPE_CHECKING:
-    from phantom_dyn.model.robot import Robot
 
 
 def parser() -> argparse.ArgumentParser:
@@ -49,20 +45,18 @@ def parser() -> argparse.ArgumentParser:
 def run(arguments: argparse.Namespace) -> int:
     """Print a description of each recording and its faults."""
     one_blas_thread()
-    robot_file, logs = _robot_and_logs(arguments)
+    robot_file, arguments.logs = _robot_and_logs(arguments)
     if arguments.robot_config is not None and robot_file is None:
         raise UsageError("--robot-config was given without a robot: name the robot that it belongs to.")
-    for log in logs:
+    for log in arguments.logs:
         require_existing(log)
-    if arguments.episodes is not None or any(map(is_lerobot, map(Path, logs))):
-        from identification.data.readers.lerobot import with_episodes
-
-        logs = with_episodes(logs, arguments.episodes)
+    expand_episodes(arguments)
     from identification.data.checked_file import checked_file
+    from phantom_dyn.model.loading import load_robot
 
-    robot = None if robot_file is None else _robot(robot_file, arguments)
+    robot = None if robot_file is None else load_robot(robot_file, config=arguments.robot_config)
     options = {"columns": arguments.columns, "topic": arguments.topic, "ref_topic": arguments.ref_topic}
-    for log in logs:
+    for log in arguments.logs:
         with Progress(Stage.READING, sys.stderr, stages=CHECK) as progress:
             progress.show(Announcement(Stage.READING, detail={"file": Path(log).name}))
             found = checked_file(log, robot, **options, progress=progress.show)
@@ -85,9 +79,3 @@ def _robot_and_logs(arguments: argparse.Namespace) -> tuple[str | None, list[str
     if not rest:
         raise UsageError(f"{first} was given, a robot without a recording: name a recording after it.")
     return first, rest
-
-
-def _robot(source: str, arguments: argparse.Namespace) -> Robot:
-    from phantom_dyn.model.loading import load_robot
-
-    return load_robot(source, config=arguments.robot_config)

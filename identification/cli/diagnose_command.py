@@ -185,7 +185,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
             say(times.table(), file=sys.stderr)
         say("\n".join(written_lines(written, arguments.out)))
         return DONE
-    notes, not_held = len(diagnosis.notes), list[str]()
+    printed_notes, remarks = len(diagnosis.notes), list[str]()
     # A second process plans the next experiment while this one writes the models. With --profile, one process does
     # both in turn, so that the times of the stages can be measured.
     plan = partial(planned, without_plan)
@@ -207,7 +207,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
             json_file=arguments.json,
             known=known,
             config=arguments.robot_config,
-            tell=not_held.append,
+            tell=remarks.append,
             completed=completed,
         )
         diagnosis = completed(diagnosis)
@@ -215,12 +215,12 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
         say(times.table(), file=sys.stderr)
     proposed = next_experiment_lines(diagnosis)
     if proposed:
-        say("\n".join(["", *proposed, *note_lines(diagnosis.notes[notes:])]))
+        say("\n".join(["", *proposed, *note_lines(diagnosis.notes[printed_notes:])]))
     say("\n".join(written_lines(written, arguments.out)))
-    for sentence in not_held:
+    for sentence in remarks:
         say(sentence)
-    if arguments.out is not None and not diagnosis.poses_alone and (lacking := not_written(arguments.out, written)):
-        say(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
+    if arguments.out is not None and not diagnosis.poses_alone and (missing := not_written(arguments.out, written)):
+        say(f"not written: {', '.join(missing)}; see {arguments.out / 'report.html'}")
     return DONE
 
 

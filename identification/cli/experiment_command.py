@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from identification.experiments.linear_fit import LinearFit
     from phantom_dyn.model.robot import Robot
 
-# A friction test must have constant speed for this share of its motion. Triangles have more, sines have less.
+# Smallest share of its motion for which a friction test must have constant speed. Triangles have more, sines less.
 _STEADY = 0.5
 _NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offset"}
 
@@ -135,12 +135,12 @@ def _passive(logs: list) -> list[dict]:
             "alone (t3)."
         )
     found = passive_friction({name: fit_friction_test(name, log.motion, log.tau) for name, log in named.items()})
-    units = {"FV3R": ("viscous", "N m s/rad"), "FC3R": ("coulomb", "N m")}
-    parts = [f"{units[name][0]} {value:.4g} ± {std:.2g} {units[name][1]}" for name, (value, std) in found.items()]
+    numbers, parts = {}, []
+    for name, kind, unit in (("FV3R", "viscous", "N m s/rad"), ("FC3R", "coulomb", "N m")):
+        value, std = found[name]
+        numbers[kind] = {"value": value, "std": std, "unit": unit}
+        parts.append(f"{kind} {value:.4g} ± {std:.2g} {unit}")
     say(f"passive joints together: {', '.join(parts)}")
-    numbers = {
-        units[name][0]: {"value": value, "std": std, "unit": units[name][1]} for name, (value, std) in found.items()
-    }
     return [{"recording": None, "joint": "passive joints", "parameters": numbers}]
 
 

@@ -118,7 +118,7 @@ def _dispatch(words: list[str]) -> int:
         raise UsageError(_unknown(name))
     command = cast("Command", importlib.import_module(COMMANDS[name][0]))
     try:
-        arguments = command.parser().parse_intermixed_args(rest)  # options may stand between the LOGs
+        arguments = command.parser().parse_intermixed_args(rest)  # options may be between the LOGs
     except SystemExit as stop:  # argparse has printed the help
         return int(stop.code or DONE)
     arguments.command = shlex.join(["phantom-dyn", *words])

@@ -96,7 +96,7 @@ class Progress:
         times: StageTimes | None = None,
     ) -> None:
         self._stream, self._stages, self._times = stream, stages, times
-        self._watched = stream.isatty()
+        self._on_terminal = stream.isatty()
         self._now, self._percent = Announcement(first), 0.0
         self._started = self._last = time.monotonic()
         self._compilation, self._open = Compilation(), ExitStack()
@@ -106,7 +106,7 @@ class Progress:
         # remain hidden.
         with ExitStack() as opened:
             self._compilation = opened.enter_context(watched_compilation())
-            if self._watched:
+            if self._on_terminal:
                 bar = self._bar()
                 opened.callback(bar.stop)
                 bar.start()
@@ -150,7 +150,7 @@ class Progress:
         compiled = ""
         if self._compilation.under_way:
             compiled = f"; compiling function {count}, in a first run only"
-        elif count and not self._watched:
+        elif count and not self._on_terminal:
             compiled = f"; functions compiled so far, in a first run only: {count}"
         return printable(f"{percent}{stage_words(self._now)}{compiled}".strip())
 
@@ -162,7 +162,7 @@ class Progress:
         end_if_asked()
         self._take(announced)
         now = time.monotonic()
-        if not self._watched and now - self._last >= EVERY_S:
+        if not self._on_terminal and now - self._last >= EVERY_S:
             self._last = now
             with suppress(OSError, ValueError):  # the stream may be closed
                 print(f"{now - self._started:.0f} s: {self.line()}", file=self._stream, flush=True)

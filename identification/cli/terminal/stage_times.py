@@ -22,12 +22,12 @@ class Mark:
     Attributes:
         stage: The announced stage; None for the end of the run.
         clock: Time of a monotonic clock [s].
-        busy: Processor time of all threads of this process so far [s].
+        processor: Processor time that all threads of this process have used so far [s].
     """
 
     stage: Stage | None
     clock: float
-    busy: float
+    processor: float
 
 
 class StageTimes:
@@ -54,18 +54,18 @@ class StageTimes:
         for mark, following in pairwise([*self._marks, Mark(None, *self._now())]):
             assert mark.stage is not None
             name = NAMES[mark.stage]
-            clock, busy = out.get(name, (0.0, 0.0))
-            out[name] = clock + following.clock - mark.clock, busy + following.busy - mark.busy
+            clock, processor = out.get(name, (0.0, 0.0))
+            out[name] = clock + following.clock - mark.clock, processor + following.processor - mark.processor
         return out
 
     def table(self) -> str:
         """Table with the time before the first stage, a row for each stage, the sums, and the peak memory."""
-        rows, before = self.rows(), self._marks[0].busy if self._marks else 0.0
+        rows, before = self.rows(), self._marks[0].processor if self._marks else 0.0
         width = max(len(_BEFORE), *map(len, rows)) if rows else len(_BEFORE)
         lines = [f"{'stage':<{width}}  seconds  of processor time", f"{_BEFORE:<{width}}           {before:17.2f}"]
-        lines += [f"{name:<{width}}  {clock:7.2f}  {busy:17.2f}" for name, (clock, busy) in rows.items()]
-        clock, busy = (sum(row[k] for row in rows.values()) for k in (0, 1))
-        lines.append(f"{'all':<{width}}  {clock:7.2f}  {before + busy:17.2f}")
+        lines += [f"{name:<{width}}  {clock:7.2f}  {processor:17.2f}" for name, (clock, processor) in rows.items()]
+        clock, processor = (sum(row[k] for row in rows.values()) for k in (0, 1))
+        lines.append(f"{'all':<{width}}  {clock:7.2f}  {before + processor:17.2f}")
         peak = peak_megabytes()
         return "\n".join([*lines, f"most memory: {peak:.0f} MB"] if peak is not None else lines)
 
