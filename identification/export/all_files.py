@@ -98,22 +98,23 @@ def export_texts(
         config: The given ``robot.yaml``; None to use the one in the folder of the robot's file, if it exists.
     """
     if diagnosis.poses_alone:
-        texts, diagnosis = _of_poses(diagnosis, robot, folder, config, known)
+        texts, diagnosis = _texts_of_poses(diagnosis, robot, folder, config, known)
         return {YAML: write_corrected(diagnosis, robot.source, robot.sha256), **texts}, diagnosis
     if any(isinstance(said, Note) and said.code is Code.MODEL_IN_COMMON for said in diagnosis.notes):
         # The findings are relative to a fitted model, not to the given model whose files would be changed.
         return {}, diagnosis
-    best, fitted = _written(diagnosis, robot, folder, known, config), None
+    best, other_numbers = _built_files(diagnosis, robot, folder, known, config), None
+    # Other fits of the same findings are tried until no file is refused.
     for numbers in diagnosis.numbers:
         if not best.refused:
             break
-        other = _written(_with_numbers(diagnosis, numbers), robot, folder, known, config)
-        if len(other.refused) < len(best.refused):
-            best, fitted = other, numbers
+        built = _built_files(_with_numbers(diagnosis, numbers), robot, folder, known, config)
+        if len(built.refused) < len(best.refused):
+            best, other_numbers = built, numbers
     notes = best.notes
-    if fitted is not None:
+    if other_numbers is not None:
         stated = {one.quantity for one in diagnosis.adjusted}
-        unstated = sum(one.quantity not in stated for one in fitted.adjusted) if YAML in best.texts else 0
+        unstated = sum(one.quantity not in stated for one in other_numbers.adjusted) if YAML in best.texts else 0
         notes = (*notes, Note(Code.OTHER_NUMBERS, None, {"unstated": unstated}))
     return best.texts, replace(diagnosis, notes=(*diagnosis.notes, *notes), files=best.files)
 
@@ -128,7 +129,7 @@ def _with_numbers(diagnosis: Diagnosis, numbers: FittedNumbers) -> Diagnosis:
 
 
 @dataclass(frozen=True)
-class _Written:
+class _BuiltFiles:
     """The files that were built with one set of fitted numbers.
 
     Attributes:
@@ -144,10 +145,10 @@ class _Written:
     refused: tuple[str, ...]
 
 
-def _written(
+def _built_files(
     diagnosis: Diagnosis, robot: Robot, folder: Path, known: tuple[KnownEffect, ...], config: Path | None
-) -> _Written:
-    """The files of a diagnosis, built with the diagnosis's own numbers and checked.
+) -> _BuiltFiles:
+    """The files of a diagnosis, built with the numbers that the diagnosis states, and checked.
 
     Raises:
         ParameterError: If the value of a parameter is not finite.
@@ -164,36 +165,36 @@ def _written(
         return None if measured is None else FileCheck(diagnosis, measured, corrected, found, stated)
 
     try:
-        models, within_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, check_of)
+        models, tolerance_notes = _models(diagnosis, robot, (*known_torques, *found), folder, config, check_of)
     except PhantomDynError as error:
         # corrected.yaml is written in any case, because its laws do not need possible bodies.
         texts, files, refused = passed_files(texts, check_of(corrected_model(robot, known_torques)))
-        lacking = tuple(name for name in NAMES if name not in texts)
-        return _Written(texts, files, (not_written_note(error, *NAMES[1:]), *refused), lacking)
-    own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
-    if own:
-        notes.append(Note(Code.ONE_RECORDING_ONLY, None, {"effects": tuple(own)}))
-    notes += (*models.notes, *within_notes)
+        missing = tuple(name for name in NAMES if name not in texts)
+        return _BuiltFiles(texts, files, (not_written_note(error, *NAMES[1:]), *refused), missing)
+    in_one_recording = tuple(finding.effect for finding in diagnosis.findings if finding.recording is not None)
+    if in_one_recording:
+        notes.append(Note(Code.ONE_RECORDING_ONLY, None, {"effects": in_one_recording}))
+    notes += (*models.notes, *tolerance_notes)
     for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
-    made = texts.get(MJCF)
+    mjcf_before_moves = texts.get(MJCF)
     texts, move_notes = _with_moved_joints(texts, diagnosis, robot, config, known)
     notes += move_notes
     corrected, evidence = models.corrected, diagnosis.evidence
     check = check_of(corrected)
-    texts, files, refused = passed_files(texts, check, mjcf_has_moved_joints=texts.get(MJCF) != made)
+    texts, files, refused = passed_files(texts, check, mjcf_has_moved_joints=texts.get(MJCF) != mjcf_before_moves)
     notes += refused
     if YAML not in texts:
         texts = {name: without_yaml(text) for name, text in texts.items()}
-    others = dict[str, str]()
-    for name, make in _others(diagnosis, corrected, known_torques, {URDF, MJCF} & set(texts)).items():
+    further = dict[str, str]()
+    for name, make in _further_builders(diagnosis, corrected, known_torques, {URDF, MJCF} & set(texts)).items():
         try:
-            others[name] = make()
+            further[name] = make()
         except PhantomDynError as error:
             notes.append(not_written_note(error, name))
-    others, more, refused = passed_files(others, check)
-    texts, files = texts | others, (*files, *more)
+    further, further_files, refused = passed_files(further, check)
+    texts, files = texts | further, (*files, *further_files)
     notes += refused
     residual = residual_of(diagnosis)
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
@@ -207,7 +208,7 @@ def _written(
         problem = "the torque of another motion depends on the motion of the base, which is not known in advance."
         notes.append(Note(Code.NOT_WRITTEN, None, {"files": (FEEDFORWARD, TABLE), "problem": problem}))
         wanted = tuple(name for name in NAMES if name not in (FEEDFORWARD, TABLE))
-    return _Written(texts, files, tuple(notes), tuple(name for name in wanted if name not in texts))
+    return _BuiltFiles(texts, files, tuple(notes), tuple(name for name in wanted if name not in texts))
 
 
 def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
@@ -241,7 +242,7 @@ def _with_moved_joints(
     return out, notes
 
 
-def _of_poses(
+def _texts_of_poses(
     diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], Diagnosis]:
     """Files of a diagnosis of poses alone: the known model with corrected joint placements; none without findings."""
@@ -331,7 +332,7 @@ def _recorded_motion(diagnosis: Diagnosis) -> Motion:
     return Motion(evidence.t, evidence.q, evidence.v, evidence.a)
 
 
-def _others(
+def _further_builders(
     diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...], models: set[str]
 ) -> dict[str, Callable[[], str]]:
     """Functions that build the texts of all other files, by file name; each may raise a `PhantomDynError`."""

@@ -58,11 +58,11 @@ def with_comment(text: str, lines: Sequence[str]) -> str:
     """
     # A comment must not contain two dashes, nor end with one.
     comment = "\n    ".join(re.sub("-(?=-)", "- ", line) for line in lines)
-    start = text.index(">", root_of(text)) + 1
+    start = text.index(">", root_start(text)) + 1
     return f"{text[:start]}\n  <!-- {comment}\n  -->{text[start:]}"
 
 
-def root_of(text: str) -> int:
+def root_start(text: str) -> int:
     """Index in a URDF or MJCF at which the root element begins; comments before the root are skipped."""
     found = re.search(
         r"<(?:robot|mujoco)\b", re.sub(r"<!--.*?-->", lambda part: " " * len(part[0]), text, flags=re.DOTALL)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +34,10 @@ def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffec
         UsageError: If effects would be added twice: a file is given twice, or the robot already has its effects.
     """
     effects = known_effects(files, robot)
-    error, warnings, first = np.zeros((robot.nv, 2)), list[str](), 0
+    error, warnings, remaining = np.zeros((robot.nv, 2)), list[str](), iter(effects)
     for file in files:
         model = read_corrected(file)
-        warnings += _of_another_robot(file, model, effects[first : first + len(model.effects)], robot)
-        first += len(model.effects)
+        warnings += _wrong_robot_warning(file, model, tuple(islice(remaining, len(model.effects))), robot)
         for one in model.model_error:
             if one.joint not in robot.joint_names:
                 raise ParameterError(
@@ -51,7 +51,7 @@ def known_model(files: tuple[Path, ...], robot: Robot) -> tuple[tuple[KnownEffec
     return effects, replace(robot, model_error=error) if error.any() else robot
 
 
-def _of_another_robot(file: Path, model: Corrected, effects: Iterable[KnownEffect], robot: Robot) -> tuple[str, ...]:
+def _wrong_robot_warning(file: Path, model: Corrected, effects: Iterable[KnownEffect], robot: Robot) -> tuple[str, ...]:
     """A warning if a file was made for another robot; empty if the file states no hash, as files made by hand.
 
     Raises:
@@ -75,12 +75,12 @@ def _of_another_robot(file: Path, model: Corrected, effects: Iterable[KnownEffec
 def _effects_in_robot(file: Path, effects: Iterable[KnownEffect], robot: Robot) -> list[str]:
     """Names of the effects that the robot's file already contains; none unless one run wrote both files."""
     try:
-        of_robot = find_robot(robot.source)
+        robot_file = find_robot(robot.source)
     except RobotError:  # made in memory
         return []
-    if _run_of(of_robot) is None or _run_of(of_robot) != _run_of(file):
+    if _run_id(robot_file) is None or _run_id(robot_file) != _run_id(file):
         return []
-    numbers = (URDF_FORMAT if of_robot.suffix == ".urdf" else MJCF_FORMAT).numbers or frozenset()
+    numbers = (URDF_FORMAT if robot_file.suffix == ".urdf" else MJCF_FORMAT).numbers or frozenset()
     return [
         one.effect if one.joint is None else f"{one.effect} on {one.joint}"
         for one in effects
@@ -88,7 +88,7 @@ def _effects_in_robot(file: Path, effects: Iterable[KnownEffect], robot: Robot) 
     ]
 
 
-def _run_of(file: Path) -> str | None:
+def _run_id(file: Path) -> str | None:
     """Id of the run that wrote a file, from the file's last line; None if the line has no id."""
     found = re.search(rb"run: (\S+)(?: -->)?\s*$", file.read_bytes()[-_LAST_LINE:])
     return None if found is None else found[1].decode(errors="replace")

@@ -78,27 +78,26 @@ class RecordedTorques:
 
     @cached_property
     def given(self) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """Residual of the given model, as of `left_by`."""
-        return self.left_by(torque_of_model(self.replay, self.robot, self.known))
+        """The result of `residual_of` for the given model."""
+        return self.residual_of(torque_of_model(self.replay, self.robot, self.known))
 
-    def left_by(self, torque_along: LogTorque) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
-        """Residual of a modelled torque.
+    def residual_of(self, torque_along: LogTorque) -> tuple[Float[Array, "2 B nv"], dict[str, float]]:
+        """Squared residual of a modelled torque with the recording's fitted numbers, and rms residual without them.
 
         Args:
             torque_along: Function from the index of a log to the modelled torque.
 
         Returns:
-            The result of `squares`, and the root mean square of each joint's residual without the fitted numbers of the
-            recording.
+            The result of `squares`, and the root mean square of each joint's residual.
         """
-        once = cache(torque_along)
-        squares, fitted = self.squares(once), self.fitted
+        cached_torque = cache(torque_along)
+        squares, fitted = self.squares(cached_torque), self.fitted
         has_recording_numbers = fitted.timing or fitted.softness or fitted.arrivals or fitted.base
-        residual = rms(self.replay.squares(once) if has_recording_numbers else squares)
+        residual = rms(self.replay.squares(cached_torque) if has_recording_numbers else squares)
         return squares, dict(zip(self.robot.joint_names, residual.tolist(), strict=True))
 
     @cached_property
-    def _of_base_errors(self) -> tuple[Float[Array, "_ nv"], ...]:
+    def _base_error_torques(self) -> tuple[Float[Array, "_ nv"], ...]:
         """Spurious torque of each log from errors of the base's sensors; empty for a robot with a fixed base."""
         base = self.fitted.base
         return tuple(torque_of_base_errors(self.replay.robot, log, base) for log in self.replay.logs) if base else ()
@@ -111,17 +110,17 @@ class RecordedTorques:
         """
         fitted = self.fitted
 
-        def recorded(log: int) -> Array:
+        def torque_in_recording(log: int) -> Array:
             torque, one = torque_along(log), self.replay.logs[log]
             for joint, share in fitted.softness:
                 torque = torque + share * softness(self.replay.robot, one.motion, joint)
             if fitted.arrivals:
                 torque = torque - one.later_references(fitted.arrivals)
             if fitted.base:
-                torque = torque + self._of_base_errors[log]
+                torque = torque + self._base_error_torques[log]
             return torque + fitted.timing * np.gradient(torque, axis=0) if fitted.timing else torque
 
-        return self.replay.squares(recorded)
+        return self.replay.squares(torque_in_recording)
 
 
 @dataclass(frozen=True)
@@ -154,9 +153,9 @@ class FileCheck:
 
     @cached_property
     def estimate(self) -> Robot:
-        """The given model with its changes within tolerance; bodies may be impossible.
+        """The given model with its changes within tolerance, or without them if a mass would be zero or negative.
 
-        If a mass would be zero or negative, the given model without these changes.
+        Bodies may be impossible.
         """
         try:
             return robot_within_tolerances(self.corrected.given, self.diagnosis.adjusted)
@@ -184,10 +183,10 @@ class FileCheck:
                 replay, text, torque_of_model(replay, self.corrected.base, self.effects), self.estimate
             ),
         }
-        squares, residual = self.measured.left_by(torques[file]())
+        squares, residual = self.measured.residual_of(torques[file]())
         before, residual_before = self.measured.given
         if self.known and kind is not LAWS:
-            before, residual_before = self.measured.left_by(self._limited_torque(kind, given, self.known))
+            before, residual_before = self.measured.residual_of(self._limited_torque(kind, given, self.known))
         lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
         # Effects that only add noise to readings do not lower a residual: they count as missing in every file.
         lacks = any(one in lacking or effect_named(one.effect, given).only_noise for one in self.found)
@@ -197,7 +196,7 @@ class FileCheck:
             residual_before,
             tuple(_named(one) for one in self.found if one not in lacking),
             tuple(_named(one) for one in lacking),
-            self._why_not(squares, before, lambda: self._claimed(kind, lacks or self._moves_rotors(kind))),
+            self._refusal(squares, before, lambda: self._claimed(kind, lacks or self._moves_rotors(kind))),
         )
 
     def _limited_torque(self, kind: Format, base: Robot, effects: tuple[KnownEffect, ...]) -> LogTorque:
@@ -224,8 +223,14 @@ class FileCheck:
             return whole
         return np.maximum(whole, part)
 
-    def _why_not(self, squares: Array, before: Array, claimed: Callable[[], Array]) -> str:
-        """Reason why a file is refused; empty if it passes."""
+    def _refusal(self, squares: Array, before: Array, claimed: Callable[[], Array]) -> str:
+        """Reason why a file is refused; empty if it passes.
+
+        Args:
+            squares: Squared residual of the file, from `RecordedTorques.squares`.
+            before: Squared residual of the given model.
+            claimed: Function that computes the claimed residual, which takes long and is not always needed.
+        """
         residual, of_given = rms(squares), rms(before)
         joints = self.diagnosis.joints
         worse = leaves_more(squares, before)
@@ -271,8 +276,8 @@ def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"])
     mean = (squares[0] - before[0]).sum(axis=0) / total
     spread = squares[0] - before[0] - mean * counts
     deviation = np.sqrt(blocks / max(blocks - 1, 1) * (spread**2).sum(axis=0)) / total
-    reach = stdtrit(max(blocks - 1, 1), 1.0 - 0.5 * _LEVEL / counts.shape[1])
-    return (mean > reach * deviation) & (rms(squares) > (1.0 + _ROUNDING) * rms(before))
+    quantile = stdtrit(max(blocks - 1, 1), 1.0 - 0.5 * _LEVEL / counts.shape[1])
+    return (mean > quantile * deviation) & (rms(squares) > (1.0 + _ROUNDING) * rms(before))
 
 
 def _named(effect: KnownEffect) -> str:

@@ -98,11 +98,8 @@ def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
 def used_numbers(numbers: ModelNumbers) -> frozenset[str]:
     """Names of the numbers of an effect that are not empty or zero."""
     values = {field.name: getattr(numbers, field.name) for field in fields(ModelNumbers) if field.name != "whole"}
-    return frozenset(
-        name
-        for name, value in values.items()
-        if value is not None and not (isinstance(value, float | tuple) and not value)
-    )
+    empty = {name for name, x in values.items() if x is None or (isinstance(x, float | tuple) and not x)}
+    return frozenset(values) - empty
 
 
 # Function from the index of a log to the drive torque along this log, ``(N, nv)`` at the full rate.
@@ -132,12 +129,12 @@ def torque_of_model(
     robot = replace(robot, soft_friction=replay.robot.soft_friction)
 
     def along_log(log: int) -> Array:
-        there = replay.robot_in(robot, log)
-        operation = operate(there, replay.logs[log], (), log, replay.cutoff_hz)
+        loaded_robot = replay.robot_in(robot, log)
+        operation = operate(loaded_robot, replay.logs[log], (), log, replay.cutoff_hz)
         if further_torque is not None:
             tau = operation.tau + further_torque(operation)
             operation = replace(operation, tau=tau, expected=tau)
-        return with_known(there, operation, effects).tau if effects else operation.tau
+        return with_known(loaded_robot, operation, effects).tau if effects else operation.tau
 
     return along_log
 
@@ -214,7 +211,7 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
 
 
 def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
-    """Drive torque of a ``feedforward.py``, computed for the motion that is later by the drive's delay.
+    """Drive torque of a ``feedforward.py``, which is called with the motion after the drive's delay.
 
     - The torque of the file is not limited: clipping the noise of the measured motion on one side would cause a bias.
       Instead, the part of the recorded command beyond the drive's limit, which had no effect, is added.
@@ -239,8 +236,8 @@ def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
         logged, external = replay.logs[log].tau, replay.logs[log].external
         out += logged - np.clip(logged, -limits, limits)
         out = out if external is None else out - external
-        loaded = replay.robot_in(robot, log)
-        return out if loaded is robot else out + inverse_dynamics(loaded, motion) - inverse_dynamics(robot, motion)
+        carrying = replay.robot_in(robot, log)
+        return out if carrying is robot else out + inverse_dynamics(carrying, motion) - inverse_dynamics(robot, motion)
 
     return along_log
 
@@ -307,7 +304,7 @@ def torque_of_residual(replay: Replay, code: str, model: LogTorque, robot: Robot
 
 
 def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
-    """Torque of a law that is computed step by step."""
+    """Torque of a law that is computed step by step; interpolated if a log has more than ``_STEPS`` samples."""
     from identification.diagnosis.law.joint_residual import (
         inputs_of,  # imported here because it loads all laws of residuals, which few runs need
     )

@@ -7,7 +7,6 @@ given MJCF would change the meaning of the findings; a note states the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -97,11 +96,10 @@ def _new_mjcf(
 ) -> MadeMjcf:
     """An MJCF that is built from the model, with the shapes of the robot's URDF if ``folder`` is given."""
     text = corrected_mjcf(corrected)
-    problem = mujoco_problem(text)
+    problem = mujoco_problem(text) or ""
     difference = torque_difference(text, corrected, motion)
-
     if folder is None:
-        return MadeMjcf(text, difference, problem or "", False, left_out)
+        return MadeMjcf(text, difference, problem, False, left_out)
     try:
         # The text that is checked has absolute paths of meshes, because the folder may not exist yet.
         loaded, without = with_urdf_shapes(text, corrected.robot, file, None)
@@ -113,13 +111,13 @@ def _new_mjcf(
         without = (f"The shapes of the URDF are not in it: {error}",)
         difference = torque_difference(text, corrected, motion)
     remarks = (Note(Code.FILE_REMARK, None, {"sentence": sentence}) for sentence in without)
-    return MadeMjcf(text, difference, problem or "", False, (*left_out, *remarks))
+    return MadeMjcf(text, difference, problem, False, (*left_out, *remarks))
 
 
 def _edited_mjcf(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> MadeMjcf:
     """The given MJCF with the findings, checked in MuJoCo."""
     text, left_out = edited_mjcf(corrected, file, folder)
-    problem = mujoco_problem(text) or _refused(file)
+    problem = mujoco_problem(text) or _problem_of_given_file(file)
     if problem:
         return MadeMjcf(text, float("nan"), problem, True, tuple(left_out.values()))
     # The text that is checked has absolute paths of meshes, because the folder may not exist yet.
@@ -133,7 +131,7 @@ def _edited_mjcf(corrected: CorrectedModel, motion: Motion, file: Path, folder: 
     return MadeMjcf(text, difference, "", True, tuple(left_out.values()))
 
 
-def _refused(file: Path) -> str:
+def _problem_of_given_file(file: Path) -> str:
     """Why MuJoCo refuses the given file (for example because meshes are missing); empty if MuJoCo accepts it."""
     import mujoco
 
@@ -187,22 +185,26 @@ def model_files(
         config: The given ``robot.yaml``; None to use the one in the folder of the robot's file, if it exists.
     """
     file = find_robot(corrected.given.source)
-    stated, few_samples = robot_config(corrected.given, config), some_motion(motion)
+    few_samples = some_motion(motion)
+    urdf = _urdf_file(corrected, few_samples, file, folder, robot_config(corrected.given, config))
+    return urdf, _mjcf_file(corrected, few_samples, file, folder)
 
-    def urdf() -> tuple[str, float]:
+
+def _urdf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path, config: Path | None) -> ModelFile:
+    """The URDF of a corrected model with its notes; without text if it cannot be built."""
+    try:
         text = corrected_urdf(corrected, file, folder)
-        return text, urdf_difference(text, robot_of_urdf(corrected), few_samples, stated)
-
-    return (
-        _checked_file(URDF, urdf, versions().get("urdf", ""), urdf_left_out(corrected, file)),
-        _mjcf_file(corrected, few_samples, file, folder),
-    )
+        difference = urdf_difference(text, robot_of_urdf(corrected), motion, config)
+    except PhantomDynError as error:
+        return ModelFile(URDF, "", (not_written_note(error, URDF),))
+    return _checked_file(URDF, text, difference, versions().get("urdf", ""), urdf_left_out(corrected, file))
 
 
 def robot_config(given: Robot, config: Path | None) -> Path | None:
     """The ``robot.yaml`` of a robot: the given one, or the one in the folder of the robot's file; None if neither."""
     beside = find_robot(given.source).with_name(CONFIG_NAME)
-    return config if config is not None else beside if beside.is_file() else None
+    own = beside if beside.is_file() else None
+    return own if config is None else config
 
 
 def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
@@ -223,15 +225,14 @@ def problem_of_loops(text: str, robot: Robot, config: Path | None) -> str:
 
 
 def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> ModelFile:
-    """The MJCF of a corrected model with its notes."""
+    """The MJCF of a corrected model with its notes; without text if it cannot be built."""
     try:
         made = checked_mjcf(corrected, motion, file=file, folder=folder)
     except PhantomDynError as error:
         return ModelFile(MJCF, "", (not_written_note(error, MJCF),))
     left_out = (*mjcf_left_out(corrected, file, edited=made.edited), *made.left_out)
-    return _checked_file(
-        MJCF, lambda: (made.text, made.difference), versions().get("mjcf", ""), left_out, unchecked=made.unchecked
-    )
+    loaded_with = versions().get("mjcf", "")
+    return _checked_file(MJCF, made.text, made.difference, loaded_with, left_out, unchecked=made.unchecked)
 
 
 def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Float[Array, "N nv"]) -> tuple[Note, ...]:
@@ -262,18 +263,9 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
 
 
 def _checked_file(
-    name: str,
-    make: Callable[[], tuple[str, float]],
-    loaded_with: str,
-    left_out: tuple[Note, ...],
-    *,
-    unchecked: str = "",
+    name: str, text: str, difference: float, loaded_with: str, left_out: tuple[Note, ...], *, unchecked: str = ""
 ) -> ModelFile:
-    """A model file with a note on its check; without text if the check fails."""
-    try:
-        text, difference = make()
-    except PhantomDynError as error:
-        return ModelFile(name, "", (not_written_note(error, name),))
+    """A model file with a note on its check; without text if its torques differ from those of the model."""
     if difference > TOLERANCE:
         numbers = {"files": (name,), "loaded_with": loaded_with, "difference": difference}
         return ModelFile(name, "", (Note(Code.WRITTEN_WRONG, None, numbers),))
@@ -352,12 +344,12 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False
         edited: True if the MJCF is a copy of the given file with the findings.
     """
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
-    behind = {name: k for name, k in corrected.compliances.items() if name not in compliances_in_mjcf(corrected)}
-    out += _missing("spring_behind_play", behind)
+    springs = {name: k for name, k in corrected.compliances.items() if name not in compliances_in_mjcf(corrected)}
+    out += _missing("spring_behind_play", springs)
     rotors = dict(zip(corrected.robot.joint_names, corrected.robot.rotor_inertia, strict=True))
-    loose = [name for name in (*corrected.plays, *compliances_in_mjcf(corrected)) if not rotors[name]]
-    if loose:
-        out.append(Note(Code.ROTOR_UNKNOWN, None, {"names": tuple(loose), "config": CONFIG_NAME}))
+    without_rotor = [name for name in (*corrected.plays, *compliances_in_mjcf(corrected)) if not rotors[name]]
+    if without_rotor:
+        out.append(Note(Code.ROTOR_UNKNOWN, None, {"names": tuple(without_rotor), "config": CONFIG_NAME}))
     out += [] if edited else _missing("reference_delay", corrected.reference_delays)
     late = [delay for delay in corrected.delays.values() if delay > 0]
     if corrected.cogging or late:

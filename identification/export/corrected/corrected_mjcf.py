@@ -58,21 +58,22 @@ def corrected_elements(corrected: CorrectedModel) -> ElementTree.Element:
     for name in (*corrected.plays, *compliances_in_mjcf(corrected)):
         _second_joint(bodies[name], joints[name], corrected, name)
     for motor in root.findall("actuator/motor"):
-        _drive(motor, corrected, str(motor.get("joint")))
+        _set_drive(motor, corrected, str(motor.get("joint")))
     add_cogging(root, corrected)
     add_couplings(root, corrected)
     return root
 
 
 def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
-    """Encoder zeros that a URDF or MJCF can state. Zeros of joints in a loop are left out: they change the loop."""
+    """Encoder zeros that a URDF or MJCF can state; without those of joints in a loop, which would change the loop."""
     chain = corrected.robot.chain
     if chain is None:
         return corrected.zeros
     if chain.anchors:
         return {}
-    alone = np.count_nonzero(chain.linear_map, axis=0) == 1
-    names = [name for name, own in zip(corrected.robot.joint_names, alone, strict=True) if own]
+    # A column of the map has a number other than zero for each joint that the active joint moves, itself included.
+    moves_no_other = np.count_nonzero(chain.linear_map, axis=0) == 1
+    names = [name for name, alone in zip(corrected.robot.joint_names, moves_no_other, strict=True) if alone]
     return {name: zero for name, zero in corrected.zeros.items() if name in names}
 
 
@@ -125,11 +126,12 @@ def second_joint(corrected: CorrectedModel, name: str) -> dict[str, str]:
         return {"name": PLAY.format(name), "range": attribute_text([-half, half]), "solreflimit": f"{_STOP} 1"}
     stiffness, rotor = corrected.compliances[name], rotor_of(corrected, name)
     link = _moved_inertia(corrected, row_of(corrected.robot, name))
+    # Rotor and link oscillate against each other with the inertia rotor * link / (rotor + link).
     damping = 2.0 * SPRING_DAMPING * np.sqrt(stiffness * rotor * link / (rotor + link))
     return {"name": SPRING.format(name), "stiffness": repr(stiffness), "damping": repr(float(damping))}
 
 
-def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
+def _set_drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
     """Write the findings on the drive of a joint into its actuator."""
     gain = corrected.gains.get(name, 1.0)
     bias = corrected.offsets.get(name, 0.0) / gain if gain else 0.0
@@ -171,13 +173,13 @@ def add_cogging(root: Element, corrected: CorrectedModel) -> None:
     actuators = groups[-1] if groups else ElementTree.SubElement(root, "actuator")
     for name, waves in corrected.cogging.items():
         for k, (order, amplitude, phase) in enumerate(waves):
-            own = {
+            wave = {
                 "name": COGGING.format(name, k + 1),
                 "joint": name,
                 "cogging": attribute_text([amplitude, order, phase]),
             }
             no_command = {"motorconst": f"{_NO_MOTOR} 0", "resistance": "1", "ctrlrange": "0 0"}
-            ElementTree.SubElement(actuators, "dcmotor", own | no_command)
+            ElementTree.SubElement(actuators, "dcmotor", wave | no_command)
 
 
 def add_couplings(root: Element, corrected: CorrectedModel) -> None:

@@ -136,8 +136,8 @@ def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedMod
     times = {"delays": numbers.delay, "reference_delays": numbers.reference_delay, "lags": numbers.lag}
     for name, more in times.items():
         if more is not None:
-            corrected = replace(corrected, **{name: _with_delay(corrected, getattr(corrected, name), joint, more)})
-    corrected = _at_joint(corrected, str(joint), numbers)
+            corrected = replace(corrected, **{name: _longer_times(corrected, getattr(corrected, name), joint, more)})
+    corrected = _with_joint_numbers(corrected, str(joint), numbers)
     return corrected if numbers.whole else replace(corrected, others=(*corrected.others, effect))
 
 
@@ -149,15 +149,17 @@ def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Ro
     return with_rotor_inertia(robot, joint, numbers.rotor_inertia) if numbers.rotor_inertia else robot
 
 
-def _with_delay(corrected: CorrectedModel, times: dict[str, float], joint: str | None, more: float) -> dict[str, float]:
+def _longer_times(
+    corrected: CorrectedModel, times: dict[str, float], joint: str | None, more: float
+) -> dict[str, float]:
     """Times of drives [s] by joint, increased by ``more`` on one joint; on all driven joints if ``joint`` is None."""
-    late = [corrected.robot.joint_names[row] for row in driven_rows(corrected.robot, joint)]
-    return times | {name: times.get(name, 0.0) + more for name in late}
+    joints = [corrected.robot.joint_names[row] for row in driven_rows(corrected.robot, joint)]
+    return times | {name: times.get(name, 0.0) + more for name in joints}
 
 
-def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> CorrectedModel:
+def _with_joint_numbers(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> CorrectedModel:
     """The model with an effect's numbers of one joint, combined with the numbers that the model already has there."""
-    more = {
+    ways = {
         "springs": (numbers.spring, _parallel_springs),
         "offsets": (numbers.offset, operator.add),
         "gains": (numbers.gain, operator.mul),
@@ -168,7 +170,7 @@ def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> Corr
         "cogging": (numbers.waves or None, operator.add),
     }
     changed: dict[str, Any] = {}
-    for name, (number, combine) in more.items():
+    for name, (number, combine) in ways.items():
         known = getattr(corrected, name)
         if number is not None:
             changed[name] = known | {at: combine(known[at], number) if at in known else number}
@@ -177,16 +179,16 @@ def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> Corr
 
 def _parallel_springs(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
     """Stiffness and relaxed position of two springs in parallel."""
-    whole = one[0] + other[0]
-    return (whole, (one[0] * one[1] + other[0] * other[1]) / whole) if whole else other
+    total = one[0] + other[0]
+    return (total, (one[0] * one[1] + other[0] * other[1]) / total) if total else other
 
 
 def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
     """Parameters of an effect after a check of their number; missing ones at the end have their defaults."""
     law = effect_named(effect.effect, robot)
     known = law.parameters(robot, effect.joint)
-    left_out = tuple(parameter.default for parameter in known[len(effect.theta) :])
-    theta = np.array(effect.theta if None in left_out else (*effect.theta, *left_out), dtype=float)
+    defaults = tuple(parameter.default for parameter in known[len(effect.theta) :])
+    theta = np.array(effect.theta if None in defaults else (*effect.theta, *defaults), dtype=float)
     wanted, count = len(known), len(theta)
     lists = law.takes_lists(robot, effect.joint) and count > 0 and count % wanted == 0
     if not (lists or count in (wanted, wanted + len(law.optional_parameters(robot, effect.joint)))):

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Builds the URDF of a corrected model: links, friction, torque limits, encoder zeros, and a tilted base.
 
-It also writes joint placements that measured poses corrected into URDF and MJCF files.
+The module also writes joint placements that were corrected by measured poses into URDF and MJCF files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
 from identification.export.file_names import MJCF, URDF
-from identification.export.headers import root_of
+from identification.export.headers import root_start
 from identification.export.model_files.urdf_file import (
     attribute_text,
     child_of,
@@ -58,7 +58,7 @@ def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
     """
     robot = with_rotors_of(corrected.robot, corrected.given)
     text = edited_urdf(robot, corrected.given, file, folder) if file.suffix == ".urdf" else new_urdf(robot)
-    head = text[: root_of(text)]
+    head = text[: root_start(text)]
     root = ElementTree.fromstring(text[len(head) :], comment_parser())
     joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
     for name, limit in corrected.limits.items():
@@ -219,15 +219,14 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
         known: Effects that the given model already contains.
     """
     places = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
-    joints = dict.fromkeys(str(joint) for effect, joint in places if effect == ELASTIC)
-    out: list[tuple[str, tuple[str, ...]]] = [("elasticity", tuple(joints))] if joints else []
-    if any(effect == BASE_POSE for effect, _ in places):
-        out.append(("base", ()))
-    frames = dict.fromkeys(str(joint) for effect, joint in places if effect == TOOL_POSE)
-    if frames:
-        out.append(("tool", tuple(frames)))
-    numbers = ({"files": (URDF, MJCF), "quantity": quantity, "names": names} for quantity, names in out)
-    return tuple(Note(Code.NO_PLACE_FOR_POSES, None, one) for one in numbers)
+    out = []
+    for quantity, wanted in (("elasticity", ELASTIC), ("base", BASE_POSE), ("tool", TOOL_POSE)):
+        joints = dict.fromkeys(joint for effect, joint in places if effect == wanted)
+        if joints:
+            names = tuple(joint for joint in joints if joint is not None)  # the pose of the base has no joint
+            numbers = {"files": (URDF, MJCF), "quantity": quantity, "names": names}
+            out.append(Note(Code.NO_PLACE_FOR_POSES, None, numbers))
+    return tuple(out)
 
 
 def urdf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrection]) -> tuple[str, tuple[str, ...]]:
@@ -284,7 +283,7 @@ def mjcf_with_corrected_joints(text: str, corrections: Mapping[str, JointCorrect
             quat = _numbers(body.get("quat"), "1 0 0 0")
             turn = pin.Quaternion(quat[0], *quat[1:]).normalized().toRotationMatrix()
             place = pin.SE3(turn, _numbers(body.get("pos"), "0 0 0")) * pin.exp6(own.twist)
-            place = place * _back(joint, own.zero)
+            place = place * _displacement_to_zero(joint, own.zero)
             body.set("pos", attribute_text(place.translation))
             x, y, z, w = pin.Quaternion(place.rotation).coeffs()
             body.set("quat", attribute_text([w, x, y, z]))
@@ -302,8 +301,8 @@ def _is_simple(joint: Element, body: Element) -> bool:
     )
 
 
-def _back(joint: Element, zero: float) -> pin.SE3:
-    """The displacement of a joint from position zero to minus the offset of its encoder."""
+def _displacement_to_zero(joint: Element, zero: float) -> pin.SE3:
+    """The displacement of a joint from position zero to the position at which its encoder reads zero (``-zero``)."""
     axis = _numbers(joint.get("axis"), "0 0 1")
     axis = axis / np.linalg.norm(axis)
     if joint.get("type") == "slide":
@@ -313,7 +312,7 @@ def _back(joint: Element, zero: float) -> pin.SE3:
 
 def _edited(text: str, edit: Callable[[Element], None]) -> str:
     """The text of an XML file after an edit of its root element; the text before the root is kept."""
-    at = root_of(text)
+    at = root_start(text)
     root = ElementTree.fromstring(text[at:], comment_parser())
     edit(root)
     return f"{text[:at]}{ElementTree.tostring(root, encoding='unicode')}\n"

@@ -32,8 +32,8 @@ def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
     if not file.is_file() or file.suffix != ".xml":
         return False
     given = given_mjcf(ElementTree.parse(file).getroot())
-    own = _actuators_of(given, joint)
-    return len(own) == 1 and _is_servo(given, own[0])
+    actuators = _actuators_of(given, joint)
+    return len(actuators) == 1 and _is_servo(given, actuators[0])
 
 
 def _actuators_of(given: GivenMjcf, name: str) -> list[Element]:
@@ -68,22 +68,22 @@ def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, Note]:
         found = _numbers_of(corrected, name)
         if not found:
             continue
-        own = _actuators_of(given, name)
-        if len(own) != 1:
-            out[name] = Note(Code.NO_PLACE_FOR_DRIVE, name, {"values": found, "actuators": len(own)})
-        elif _is_torque_times_gear(given, own[0]):
-            _set_torque_drive(given, own[0], corrected, name)
+        actuators = _actuators_of(given, name)
+        if len(actuators) != 1:
+            out[name] = Note(Code.NO_PLACE_FOR_DRIVE, name, {"values": found, "actuators": len(actuators)})
+        elif _is_torque_times_gear(given, actuators[0]):
+            _set_torque_drive(given, actuators[0], corrected, name)
             if _REFERENCES in found:
                 numbers = {"quantity": "reference_delay", "values": {name: found[_REFERENCES]}}
                 out[name] = Note(Code.NO_PLACE, None, numbers)
         else:
-            if _is_servo(given, own[0]) and _REFERENCES in found:
-                set_delay(own[0], found.pop(_REFERENCES))
+            if _is_servo(given, actuators[0]) and _REFERENCES in found:
+                set_delay(actuators[0], found.pop(_REFERENCES))
             limit = found.pop("limit", None)
             if limit is not None:
-                _set_limit(given, own[0], limit, 0.0)
+                _set_limit(given, actuators[0], limit, 0.0)
             if found:
-                numbers = {"values": found, "actuators": 1, "kind": own[0].tag}
+                numbers = {"values": found, "actuators": 1, "kind": actuators[0].tag}
                 out[name] = Note(Code.NO_PLACE_FOR_DRIVE, name, numbers)
     return out
 
@@ -144,7 +144,7 @@ def _set_torque_drive(given: GivenMjcf, actuator: Element, corrected: CorrectedM
 
 
 def _as_general(given: GivenMjcf, actuator: Element) -> None:
-    """Change a motor to an equivalent ``general`` element that does not inherit defaults of other actuators."""
+    """Change a ``motor`` to an equivalent ``general`` element that states its attributes and inherits no defaults."""
     if actuator.tag != "motor":
         return
     kept = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}

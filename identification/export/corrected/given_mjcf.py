@@ -44,13 +44,13 @@ from phantom_dyn.model.robot_xml import Element
 
 _REWRITES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom")
 """Attributes of <compiler> with which MuJoCo changes the inertias of the file."""
-_BUILT = ("include", "frame", "replicate", "attach")
+_EXPANDED = ("include", "frame", "replicate", "attach")
 """Elements that MuJoCo expands into other elements."""
-_NAMED = ("body", "joint", "freejoint")
+_NEED_NAME = ("body", "joint", "freejoint")
 """Elements that need a name, by which they are found."""
 _WIDTHS = {"free": (7, 6), "ball": (4, 3)}
 """Numbers of positions and of velocities of joint types with more than one."""
-_PLACES = ("meshdir", "texturedir")
+_FOLDERS = ("meshdir", "texturedir")
 """Attributes of <compiler> that state folders."""
 _SAME = 1e-12
 """Relative difference up to which two numbers count as equal: numbers in files are rounded."""
@@ -84,7 +84,7 @@ def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> t
     add_cogging(given.root, corrected)
     # Keyframes need a command for each added actuator.
     added = sum(len(waves) for waves in corrected.cogging.values())
-    for key in _keys(given, "ctrl"):
+    for key in _keyframes_with(given, "ctrl"):
         key.set("ctrl", str(key.get("ctrl")) + " 0" * added)
     add_couplings(given.root, corrected)
     if given.root.find(".//equality") is None:
@@ -98,9 +98,8 @@ def _whole_root(file: Path) -> Element:
     """Root element with comments; if the file has includes, copies or unnamed elements, as expanded by MuJoCo."""
     root = ElementTree.parse(file, comment_parser()).getroot()
     elements = [element for element in root.iter() if isinstance(element.tag, str)]
-    built = any(element.tag in _BUILT for element in elements)
-    owners = [element for world in root.iter("worldbody") for element in world.iter() if element.tag in _NAMED]
-    if built or any(element.get("name") is None for element in owners):
+    named = [element for world in root.iter("worldbody") for element in world.iter() if element.tag in _NEED_NAME]
+    if any(element.tag in _EXPANDED for element in elements) or any(element.get("name") is None for element in named):
         return ElementTree.fromstring(whole_mjcf(file))
     return root
 
@@ -153,7 +152,7 @@ def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
 
 
 def _held_bodies(link: Element) -> frozenset[str]:
-    """Bodies below a link that a joint of the file moves relative to it: they keep their own inertia."""
+    """Names of the bodies below a link that a joint of the file moves relative to the link: they keep their inertia."""
     out: set[str] = set()
     todo = [(body, False) for body in link.findall("body")]
     while todo:
@@ -202,9 +201,9 @@ def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
         stated = given.attribute(joint, attribute)
         if stated:
             joint.set(attribute, attribute_text([float(x) + more for x in stated.split()]))
-    for key in _keys(given, "qpos"):
+    for key in _keyframes_with(given, "qpos"):
         numbers = [float(x) for x in str(key.get("qpos")).split()]
-        numbers[_place(given, joint, "qpos")] += zero
+        numbers[_first_index(given, joint, "qpos")] += zero
         key.set("qpos", attribute_text(numbers))
 
 
@@ -216,18 +215,18 @@ def _add_joint(given: GivenMjcf, corrected: CorrectedModel, name: str) -> None:
     if "range" in own:
         own["range"] = attribute_text([given.angle(joint, float(x)) for x in own["range"].split()])
     place = {key: text for key in ("type", "axis", "pos") if (text := given.attribute(joint, key)) is not None}
-    none = dict.fromkeys(("damping", "frictionloss", "armature", "stiffness", "ref", "springref"), "0")
-    element = ElementTree.Element("joint", none | own | place | {"limited": "true" if "range" in own else "false"})
+    zeros = dict.fromkeys(("damping", "frictionloss", "armature", "stiffness", "ref", "springref"), "0")
+    element = ElementTree.Element("joint", zeros | own | place | {"limited": "true" if "range" in own else "false"})
     body = given.owners[joint]
     body.insert(list(body).index(joint) + 1, element)
     for attribute in ("qpos", "qvel"):
-        at = _place(given, element, attribute)
-        for key in _keys(given, attribute):
+        at = _first_index(given, element, attribute)
+        for key in _keyframes_with(given, attribute):
             words = str(key.get(attribute)).split()
             key.set(attribute, " ".join([*words[:at], "0", *words[at:]]))
 
 
-def _place(given: GivenMjcf, joint: Element, attribute: str) -> int:
+def _first_index(given: GivenMjcf, joint: Element, attribute: str) -> int:
     """Index of a joint's first value in ``qpos`` or ``qvel`` of a keyframe."""
     bodies = [body for world in given.root.iter("worldbody") for body in world.iter("body")]
     joints = [element for body in bodies for element in body if element.tag in ("joint", "freejoint")]
@@ -235,7 +234,7 @@ def _place(given: GivenMjcf, joint: Element, attribute: str) -> int:
     return sum(_WIDTHS.get(kind or "hinge", (1, 1))[attribute == "qvel"] for kind in kinds[: joints.index(joint)])
 
 
-def _keys(given: GivenMjcf, attribute: str) -> list[Element]:
+def _keyframes_with(given: GivenMjcf, attribute: str) -> list[Element]:
     """Keyframes that have an attribute."""
     return [key for group in given.root.iter("keyframe") for key in group.findall("key") if key.get(attribute)]
 
@@ -246,6 +245,7 @@ def _gravity(root: Element) -> np.ndarray:
 
 
 def _last_of(root: Element, tag: str) -> Element:
+    """The last child with a tag, whose attributes replace those of earlier ones; a new child if there is none."""
     child_of(root, tag)
     return root.findall(tag)[-1]
 
@@ -255,8 +255,8 @@ def _relocate(root: Element, source: Path, folder: Path | None) -> None:
     if not any(element.get("file") for element in root.iter() if isinstance(element.tag, str)):
         return
     last, compilers = _last_of(root, "compiler"), root.findall("compiler")
-    for attribute in _PLACES:
-        stated = [c.get(attribute) or c.get("assetdir") for c in compilers if c.get(attribute) or c.get("assetdir")]
-        place = (source / (stated[-1] or "")) if stated else source
+    for attribute in _FOLDERS:
+        stated = [text for one in compilers if (text := one.get(attribute) or one.get("assetdir"))]
+        place = source / stated[-1] if stated else source
         text = str(place) if folder is None else os.path.relpath(place, folder.resolve())
         last.set(attribute, Path(text).as_posix())

@@ -20,7 +20,6 @@ from identification.export.model_files.reload import (
     load_mujoco,
     mujoco_joints,
     mujoco_problem,
-    mujoco_torque,
     relative_difference,
     torque_of_mujoco,
 )
@@ -68,12 +67,12 @@ def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> f
     if mujoco_problem(text) is not None:
         return float("nan")
     tree = tree_motion(corrected.robot, motion)
-    found = mujoco_torque(text, corrected.robot, tree) + _tendon_friction(corrected, tree)
+    found = torque_of_mujoco(load_mujoco(text), corrected.robot, tree, {}) + _tendon_friction(corrected, tree)
     return relative_difference(found, needed_torque(corrected, motion))
 
 
 def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held: Mapping[str, float]) -> float:
-    """Largest relative difference of torques, as of `torque_difference`, for an edited copy of the user's file.
+    """Largest relative difference of torques, computed like `torque_difference`, for an edited copy of the user's file.
 
     Parts of the file that are not in the model are switched off first: springs (except those of findings), gravity
     compensation, servos and the medium.
@@ -136,10 +135,11 @@ def rollout_errors(
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data = mujoco.MjData(model)
     tree = tree_motion(robot, motion)
-    (_, order), active = mujoco_joints(model, robot), list(robot.tree_rows)
+    _, order = mujoco_joints(model, robot)
+    active = list(robot.tree_rows)
     driven = [j for j, actuator in enumerate(robot.actuators) if actuator.actuated]
-    hidden = model.nq > len(order) or model.na > 0 or bool(_histories(model).any())
-    lead, count = _LEAD if hidden else 0, round(horizon / _STEP)
+    has_hidden_states = model.nq > len(order) or model.na > 0 or bool(_stored_commands(model).any())
+    lead, count = _LEAD if has_hidden_states else 0, round(horizon / _STEP)
     chosen = _starts(motion.t, lead * _STEP, count * _STEP, starts)
     errors = np.empty((len(chosen), robot.nv))
     for row, k in enumerate(chosen):
@@ -147,11 +147,13 @@ def rollout_errors(
         commands = interpolated(t + 0.5 * _STEP, motion.t, tau)[:, driven]
         mujoco.mj_resetData(model, data)
         _set_drives(model, data, float(t[0]), commands[0])
+        # Hidden states reach their values while the joints with encoders follow the recording.
         for q, v, torque in zip(
             interpolated(t[:lead], motion.t, tree.q), interpolated(t[:lead], motion.t, tree.v), commands, strict=False
         ):
             data.qpos[order], data.qvel[order], data.ctrl[: len(driven)] = q, v, torque
             mujoco.mj_step(model, data)
+        # From here on, only the recorded torque acts.
         data.qpos[order], data.qvel[order] = tree.q[k], tree.v[k]
         for torque in commands[lead:]:
             data.ctrl[: len(driven)] = torque
@@ -160,15 +162,16 @@ def rollout_errors(
     return np.sqrt(np.mean(errors**2, axis=0))
 
 
-def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> Int[Array, " k"]:
-    """Indices of samples at which a rollout can start: with recorded motion before and after, without gaps in time."""
+def _starts(t: Float[Array, " N"], before: float, after: float, most: int) -> Int[Array, " k"]:
+    """Indices of at most ``most`` samples with enough motion before and after them [s], without a gap in time."""
+    # Gaps in time divide the motion into parts.
     first = np.r_[0, np.flatnonzero(np.diff(t) > 3 * np.median(np.diff(t))) + 1]
     part = np.searchsorted(first, np.arange(len(t)), side="right") - 1
-    begins, ends = t[first], t[np.r_[first[1:] - 1, len(t) - 1]]
-    inside = np.flatnonzero((t - before >= begins[part]) & (t + behind <= ends[part]))
-    if len(inside) == 0:
-        raise RobotError(f"The motion is shorter than {before + behind:g} s: give more of it for a rollout.")
-    return inside[np.unique(np.linspace(0, len(inside) - 1, most).astype(int))]
+    part_start, part_end = t[first], t[np.r_[first[1:] - 1, len(t) - 1]]
+    possible = np.flatnonzero((t - before >= part_start[part]) & (t + after <= part_end[part]))
+    if len(possible) == 0:
+        raise RobotError(f"The motion is shorter than {before + after:g} s: give more of it for a rollout.")
+    return possible[np.unique(np.linspace(0, len(possible) - 1, most).astype(int))]
 
 
 def _set_drives(model: Any, data: Any, start: float, commands: Float[Array, " nu"]) -> None:
@@ -179,13 +182,13 @@ def _set_drives(model: Any, data: Any, start: float, commands: Float[Array, " nu
     for j, torque in enumerate(commands):
         if model.actuator_actnum[j]:
             data.act[model.actuator_actadr[j]] = torque
-        count = int(_histories(model)[j])
+        count = int(_stored_commands(model)[j])
         if count:
             times = start - _STEP * np.arange(count, 0, -1)
             mujoco.mj_initCtrlHistory(model, data, j, times, np.full((count, 1), torque))
 
 
-def _histories(model: Any) -> Int[Array, " nu"]:
+def _stored_commands(model: Any) -> Int[Array, " nu"]:
     """Number of past commands that each actuator stores for its delay; zero in older versions of MuJoCo."""
     return np.array(model.actuator_history[:, 0]) if hasattr(model, "actuator_history") else np.zeros(model.nu, int)
 

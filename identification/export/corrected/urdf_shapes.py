@@ -174,9 +174,10 @@ def _sentences(missing: dict[str, str]) -> tuple[str, ...]:
     for reason in dict.fromkeys(missing.values()):
         names = [Path(name).name for name, why in missing.items() if why == reason]
         shown = listed(names) if len(names) <= 3 else f"{', '.join(names[:3])} and {len(names) - 3} more"
-        one, (verb, of_several) = len(names) == 1, next(pair for pair in _VERBS if reason.startswith(pair[0]))
-        why = f"it {reason}" if one else f"they {of_several}{reason.removeprefix(verb)}"
-        hint = f": convert {'it' if one else 'them'} to .obj or .stl" if verb == "ends" else ""
+        verb, plural = next(pair for pair in _VERBS if reason.startswith(pair[0]))
+        single = len(names) == 1
+        why = f"it {reason}" if single else f"they {plural}{reason.removeprefix(verb)}"
+        hint = f": convert {'it' if single else 'them'} to .obj or .stl" if verb == "ends" else ""
         out.append(f"It is without {shown} of the URDF, which MuJoCo cannot load, as {why}{hint}.")
     return tuple(out)
 

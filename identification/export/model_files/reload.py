@@ -142,13 +142,13 @@ def _config_for(text: str, config: Path | None) -> Iterator[Path | None]:
     For example, a URDF made from an MJCF lacks the joints that the ``robot.yaml`` locks.
     """
     content = {} if config is None else load_mapping(config, RobotError)
-    there = {joint.get("name") for joint in ElementTree.fromstring(text.encode()).findall("joint")}
+    in_urdf = {joint.get("name") for joint in ElementTree.fromstring(text.encode()).findall("joint")}
     lock, joints = content.get("lock") or [], content.get("joints") or {}
-    if is_ros2_control(content) or (there.issuperset(lock) and there.issuperset(joints)):
+    if is_ros2_control(content) or (in_urdf.issuperset(lock) and in_urdf.issuperset(joints)):
         yield config
         return
-    kept = {name: keys for name, keys in joints.items() if name in there}
-    reduced = {**content, "lock": [name for name in lock if name in there], "joints": kept}
+    kept = {name: keys for name, keys in joints.items() if name in in_urdf}
+    reduced = {**content, "lock": [name for name in lock if name in in_urdf], "joints": kept}
     with unnamed_file(settings_text(reduced).encode(), suffix=".yaml") as path:
         yield path
 
@@ -156,7 +156,7 @@ def _config_for(text: str, config: Path | None) -> Iterator[Path | None]:
 def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
     """Largest torque difference between an MJCF, loaded by MuJoCo, and the robot, divided by the largest torque.
 
-    NaN without MuJoCo.
+    The result is NaN if MuJoCo is not installed.
 
     Args:
         text: Text of the MJCF.
@@ -169,23 +169,7 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
     if mujoco_problem(text) is not None:
         return float("nan")
     tree = tree_motion(robot, motion)
-    return relative_difference(mujoco_torque(text, robot, tree), tree_torque(robot, tree))
-
-
-def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
-    """Torque [N m or N] that a motion needs in MuJoCo, for every joint of the tree.
-
-    Torques that the drives of the file exert at zero command are subtracted.
-
-    Args:
-        text: Text of the MJCF; joints of the file that the robot does not have stay at zero.
-        robot: The robot, whose joints define the columns.
-        tree: N samples of the motion of all joints.
-
-    Raises:
-        RobotError: If MuJoCo refuses the text.
-    """
-    return torque_of_mujoco(load_mujoco(text), robot, tree, {})
+    return relative_difference(torque_of_mujoco(load_mujoco(text), robot, tree, {}), tree_torque(robot, tree))
 
 
 def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[str, float]) -> Float[Array, "N nt"]:

@@ -67,7 +67,7 @@ def link_of_joint(root: Element, joint: str) -> str | None:
 
 
 def fixed_links(robot: Robot, root: Element, body: int, own: str) -> dict[str, Float[Array, " 10"]]:
-    """Standard inertial parameters, about the joint, of the links that are fixed to the link on a joint.
+    """Standard inertial parameters of the links that are fixed to the link on a joint, about this joint.
 
     Links without an inertia in the URDF are left out.
 
@@ -130,8 +130,8 @@ def own_inertia(
     whole = robot.model.inertias[body].toDynamicParameters()
     reason = None
     for losing in (frozenset[str](), frozenset(fixed) - held):
-        rest = whole - sum((fixed[name] for name in fixed if name not in losing), np.zeros(10))
-        mass, center, inertia = central_parameters(rest)
+        difference = whole - sum((fixed[name] for name in fixed if name not in losing), np.zeros(10))
+        mass, center, inertia = central_parameters(difference)
         reason = impossible_because(mass, inertia)
         if reason is None and ((broken and not fixed) or not breaks_triangle(inertia)):
             return LinkInertia(mass, center, inertia), losing

@@ -32,7 +32,7 @@ from phantom_dyn.model.robot import Robot
 _POSITIONS, _SPEEDS = 91, 20  # number of positions of a joint in the table, and of speeds in each direction
 _JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1  # rows of one joint: positions, speeds in both directions, and speed zero
 OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
-"""Effects of `CorrectedModel.others` for which the file has an own formula."""
+"""Effects of `CorrectedModel.others` for which the file has a formula of its own."""
 _MOST = 2.0
 """The file refuses motions that need more than this multiple of the largest measured torque."""
 COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom", "run")
@@ -102,21 +102,27 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
     names, law = corrected.robot.joint_names, over_samples(code)
     q, v = _table_motion(diagnosis, len(names))
     joints = np.repeat(np.arange(len(names)), _JOINT_ROWS)
-    terms = _series(law["gravity"](_rows(q))), _series(law["friction"](_rows(q), _rows(v)))
-    terms = (*terms, _series(law["cogging"](_rows(q))), _series(law["torque"](_rows(q), _rows(v), _rows(0.0 * v))))
-    terms = (*terms, _series(law["headroom"](_rows(q), _rows(v), _rows(0.0 * v))))
-    own = [np.broadcast_to(part, q.shape)[np.arange(len(q)), joints] for part in (q, v, *terms)]
-    headroom = own.pop()
+    position, velocity, acceleration = _rows(q), _rows(v), _rows(0.0 * v)
+    terms = (
+        law["gravity"](position),
+        law["friction"](position, velocity),
+        law["cogging"](position),
+        law["torque"](position, velocity, acceleration),
+        law["headroom"](position, velocity, acceleration),
+    )
+    # Each row of the table has the values of one joint.
+    *numbers, headroom = (
+        np.broadcast_to(values, q.shape)[np.arange(len(q)), joints] for values in (q, v, *map(_series, terms))
+    )
     cells = [text_cell(name) for name in names]
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
-    for k, (j, numbers, room) in enumerate(
-        zip(joints.tolist(), np.array(own).T.tolist(), headroom.tolist(), strict=True)
-    ):
+    rows = zip(joints.tolist(), np.array(numbers).T.tolist(), headroom.tolist(), strict=True)
+    for k, (j, row, room) in enumerate(rows):
         over = "position" if k % _JOINT_ROWS < _POSITIONS else "velocity"
         # Without a limit of the torque the headroom is infinite, and its cell is empty.
-        table.writerow([over, cells[j], *numbers, room if np.isfinite(room) else "", diagnosis.run])
+        table.writerow([over, cells[j], *row, room if np.isfinite(room) else "", diagnosis.run])
     return text.getvalue()
 
 
@@ -125,13 +131,13 @@ def _table_motion(diagnosis: Diagnosis, nv: int) -> tuple[Float[Array, "N nv"], 
     q, v = diagnosis.evidence.q, diagnosis.evidence.v
     low, high = (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(nv), np.zeros(nv))
     fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(nv)
-    at = np.tile(0.5 * (low + high), (nv, _JOINT_ROWS, 1))
-    moving = np.zeros_like(at)
+    positions = np.tile(0.5 * (low + high), (nv, _JOINT_ROWS, 1))
+    velocities = np.zeros_like(positions)
     for j in range(nv):
-        at[j, :_POSITIONS, j] = np.linspace(low[j], high[j], _POSITIONS)
-        one = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
-        moving[j, _POSITIONS:, j] = [*-one[::-1], 0.0, *one]
-    return at.reshape(-1, nv), moving.reshape(-1, nv)
+        positions[j, :_POSITIONS, j] = np.linspace(low[j], high[j], _POSITIONS)
+        speeds = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
+        velocities[j, _POSITIONS:, j] = [*-speeds[::-1], 0.0, *speeds]
+    return positions.reshape(-1, nv), velocities.reshape(-1, nv)
 
 
 def _rows(values: Float[Array, "N nv"]) -> list[Float[Array, " N"]]:
@@ -154,10 +160,10 @@ def _constants(corrected: CorrectedModel) -> dict[str, object]:
     for effect in corrected.others:
         laws.setdefault(effect.effect, []).append((row[str(effect.joint)], *effect.theta))
     two_way, stribeck, by_load, eccentric = (laws.get(name, []) for name in OWN_LAWS)
-    late = [corrected.delays.get(joint, 0.0) + corrected.lags.get(joint, 0.0) for joint in robot.joint_names]
+    leads = [corrected.delays.get(joint, 0.0) + corrected.lags.get(joint, 0.0) for joint in robot.joint_names]
     return {
         "JOINTS": robot.joint_names,
-        "LEAD": tuple(late),
+        "LEAD": tuple(leads),
         "GAINS": tuple(corrected.gains.get(joint, 1.0) for joint in robot.joint_names),
         "LIMITS": _Limits(torque_limits(corrected).get(joint, np.inf) for joint in robot.joint_names),
         "GRAVITY": _plain(robot.model.gravity.linear),
@@ -216,8 +222,8 @@ def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " n
             f"{robot.name} has loops that keep two frames together, which need a solver: load the corrected file "
             "and call phantom_dyn.dynamics.dynamics.inverse_dynamics in the controller instead."
         )
-    at = np.vstack([np.zeros((1, robot.nv)), np.eye(robot.nv)])
-    tree = tree_positions(robot.model, robot.chain, at, arrays=robot.arrays)
+    positions = np.vstack([np.zeros((1, robot.nv)), np.eye(robot.nv)])
+    tree = tree_positions(robot.model, robot.chain, positions, arrays=robot.arrays)
     return (tree[1:] - tree[0]).T, tree[0]
 
 

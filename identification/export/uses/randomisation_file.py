@@ -35,7 +35,7 @@ from phantom_dyn.model.files.strict_yaml import settings_text
 Field = tuple[str, str, str, int]
 _DEFAULT = {("motor", "gear"): 1.0}
 """Defaults of MJCF attributes, by element and attribute; zero without an entry."""
-_OF_DRIVES = "motor", "general"
+_DRIVE_TAGS = "motor", "general"
 """Elements for a drive; the drive's properties determine which of them a file has."""
 
 SCHEMA = "phantom-dyn-randomisation/2"
@@ -55,7 +55,7 @@ _HEAD = f"""\
 #         range follows from found, and unseen_range from unseen.
 # Use found and unseen, or mjcf: with both, everything counts twice.
 """
-_TIMES = ("delay", "time_constant")
+_TIME_PARAMETERS = ("delay", "time_constant")
 
 
 @dataclass(frozen=True)
@@ -102,16 +102,10 @@ def mjcf_ranges(
     Raises:
         PhantomDynError: If the robot cannot be written as an MJCF.
     """
-    mean, std, given = randomisation.values, randomisation.std, corrected_model(randomisation.robot, known)
-    corrected = with_effects(given, randomisation.with_values(mean))
+    given = corrected_model(randomisation.robot, known)
+    corrected = with_effects(given, randomisation.with_values(randomisation.values))
     base = _File.of(corrected_elements(corrected))
-    slopes: dict[Field, Array] = {}
-    for place in np.flatnonzero(std > 0):
-        moved = mean.copy()
-        moved[place] += std[place]
-        for at, change in _changes(_written(given, randomisation.with_values(moved)), base).items():
-            slopes.setdefault(at, np.zeros(len(mean)))[place] = change / std[place]
-    half = {at: SIGMAS * float(np.linalg.norm(s @ randomisation.loadings)) for at, s in slopes.items()}
+    half = _half_widths(randomisation, given, base)
     low: dict[Field, float] = {}
     high: dict[Field, float] = {}
     needs: dict[Field, dict[str, str]] = {}
@@ -121,7 +115,7 @@ def mjcf_ranges(
         # The upper end comes last, so that ``changes`` after the loop are those of the largest size.
         for size in unseen_sizes(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
-            changed = None if effect is None else _written(corrected, (effect,))
+            changed = None if effect is None else _file_with(corrected, (effect,))
             changes = _changes(changed, base)
             for at, change in changes.items():
                 low[at] = min(low.get(at, 0.0), change)
@@ -139,6 +133,24 @@ def mjcf_ranges(
             found, unseen = (max(found[0], 0.0), found[1]), (max(unseen[0], 0.0), unseen[1])
         out.append(FieldRange(*at, value, found, unseen, needs.get(at, {})))
     return tuple(out), tuple(without)
+
+
+def _half_widths(randomisation: Randomisation, given: CorrectedModel, base: _File) -> dict[Field, float]:
+    """Half the width of the range of each number that depends on a found parameter, by finite differences.
+
+    Args:
+        randomisation: Distribution of the robot.
+        given: The given model with its known effects.
+        base: The MJCF with the values that were found.
+    """
+    mean, std = randomisation.values, randomisation.std
+    slopes: dict[Field, Array] = {}
+    for place in np.flatnonzero(std > 0):
+        moved = mean.copy()
+        moved[place] += std[place]
+        for at, change in _changes(_file_with(given, randomisation.with_values(moved)), base).items():
+            slopes.setdefault(at, np.zeros(len(mean)))[place] = change / std[place]
+    return {at: SIGMAS * float(np.linalg.norm(slope @ randomisation.loadings)) for at, slope in slopes.items()}
 
 
 @dataclass(frozen=True)
@@ -178,21 +190,24 @@ def _changes(changed: _File | None, base: _File) -> dict[Field, float]:
 
 
 def _needs(at: Field, changed: ElementTree.Element, root: ElementTree.Element) -> dict[str, str]:
-    """Other attributes that a number needs: for example, ``biasprm`` needs ``biastype``."""
-    one, other = (_element(tree, at) for tree in (changed, root))
-    if one is None or other is None or at[2] in other.attrib:
+    """Other attributes that a number of ``changed`` needs: for example, ``biasprm`` needs ``biastype``.
+
+    Empty if the element in ``root`` already has the number.
+    """
+    new, old = (_element(tree, at) for tree in (changed, root))
+    if new is None or old is None or at[2] in old.attrib:
         return {}
-    words = {key: text for key, text in one.attrib.items() if other.get(key) != text and key != at[2]}
-    return words | ({"element": one.tag} if one.tag != other.tag else {})
+    texts = {key: text for key, text in new.attrib.items() if old.get(key) != text and key != at[2]}
+    return texts | ({"element": new.tag} if new.tag != old.tag else {})
 
 
 def _element(root: ElementTree.Element, at: Field) -> ElementTree.Element | None:
     """The element that contains a number; None if the file has none."""
-    tags = _OF_DRIVES if at[0] in _OF_DRIVES else (at[0],)
+    tags = _DRIVE_TAGS if at[0] in _DRIVE_TAGS else (at[0],)
     return next((e for tag in tags for e in root.iter(tag) if e.get("name") == at[1]), None)
 
 
-def _written(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File | None:
+def _file_with(corrected: CorrectedModel, more: tuple[KnownEffect, ...]) -> _File | None:
     """The MJCF of the corrected robot with additional effects; None if this robot cannot be written."""
     try:
         return _File.of(corrected_elements(with_effects(corrected, more)))
@@ -209,7 +224,7 @@ def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
     """
     name = element.get("name", owner)
     out: dict[Field, float] = {}
-    tag = "motor" if element.tag in _OF_DRIVES else element.tag
+    tag = "motor" if element.tag in _DRIVE_TAGS else element.tag
     for attribute, text in element.attrib.items():
         for index, word in enumerate(text.split()):
             try:
@@ -307,7 +322,7 @@ def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:
 
 def _steps(randomisation: Randomisation, parameter: str, low: float, high: float) -> dict[str, object]:
     """The range of a delay or time constant in control steps; empty for other parameters."""
-    if parameter not in _TIMES or randomisation.control_step is None:
+    if parameter not in _TIME_PARAMETERS or randomisation.control_step is None:
         return {}
     return {"control_steps": [low / randomisation.control_step, high / randomisation.control_step]}
 

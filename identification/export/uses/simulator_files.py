@@ -70,7 +70,8 @@ def isaac_lab_text(corrected: CorrectedModel, name: str) -> str:
         "for effort_limit, and accepts both. DelayedPDActuatorCfg delays the command: this is exact for a "
         "reference_delay, but a delay was found to be that of the torque. This file was not loaded in Isaac Lab.",
     ]
-    lines += ["", "What it cannot say:", *cannot_say(corrected, ISAAC_LAB)] if cannot_say(corrected, ISAAC_LAB) else []
+    if missing := cannot_say(corrected, ISAAC_LAB):
+        lines += ["", "What it cannot say:", *missing]
     doc = "\n".join("\n".join(textwrap.wrap(_plain(line), 100)) for line in lines)
     joints = fields_of(corrected, ISAAC_LAB)
     for numbers in joints.values():
@@ -205,9 +206,9 @@ def cannot_say(corrected: CorrectedModel, simulator: Simulator) -> tuple[str, ..
     """
     out = []
     for kind, values in numbers_of(corrected).items():
-        there = {joint: value for joint, value in values.items() if value}
-        if there and kind not in simulator.fields:
-            listed = ", ".join(f"{joint} {value:.4g}" for joint, value in there.items())
+        not_zero = {joint: value for joint, value in values.items() if value}
+        if not_zero and kind not in simulator.fields:
+            listed = ", ".join(f"{joint} {value:.4g}" for joint, value in not_zero.items())
             out.append(f"{simulator.name} has no place for {kind}: {listed}.")
     for effect in corrected.others:
         words = effect_named(effect.effect, corrected.given).words
