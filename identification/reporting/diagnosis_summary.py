@@ -104,8 +104,8 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     if gap.closed is None or not diagnosis.findings:
         return []
     share = percent_short_of_all(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
-    moved = closed_by_tolerances(diagnosis)
-    by = "" if moved is None else f" ({percent_short_of_all(gap.closed - moved)} by the findings)"
+    by_tolerances = closed_by_tolerances(diagnosis)
+    by = "" if by_tolerances is None else f" ({percent_short_of_all(gap.closed - by_tolerances)} by the findings)"
     joint = max(diagnosis.joints, key=_closed_squares)
     where = ("" if len(diagnosis.joints) == 1 else "most on ") + words.joints_words([joint.joint])
     return [
@@ -136,7 +136,7 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
 def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
     lines = [f"{k}. {_finding_line(finding)}" for k, finding in enumerate(findings[:MOST_FINDINGS], start=1)]
     more = len(findings) - len(lines)
-    return [*lines, *[f"{more} more in the report and in diagnosis.json (--out DIR)."] * bool(more)]
+    return [*lines, f"{more} more in the report and in diagnosis.json (--out DIR)."] if more else lines
 
 
 def _finding_line(finding: Finding) -> str:
@@ -151,18 +151,22 @@ def _finding_line(finding: Finding) -> str:
 
 
 def _sizes(values: Mapping[str, Value]) -> str:
-    """Parameters with their standard deviations; with their names if there are several."""
+    """Parameters with their standard deviations; with their names if there are several.
+
+    Of many parameters, those that differ most significantly from zero are shown, in their given order.
+    """
     if len(values) == 1:
         return value_words(next(iter(values.values())))
     shown = values
     if len(values) > MOST_SIZES:
-        shown = dict(sorted(values.items(), key=_certainty, reverse=True)[:MOST_SIZES])
-        shown = {
-            name: value for name, value in values.items() if name in shown and _certainty((name, value)) > _DIFFERS
-        }
+        ranked = sorted(values.items(), key=_certainty, reverse=True)
+        chosen = {name for name, value in ranked[:MOST_SIZES] if _certainty((name, value)) > _DIFFERS}
+        shown = {name: value for name, value in values.items() if name in chosen}
     sizes = [f"{words.parameter_name(name)} {value_words(value)}" for name, value in shown.items()]
     more = len(values) - len(shown)
-    return ", ".join([*sizes, *[f"{more} more in the report" if shown else f"{more} sizes in the report"] * bool(more)])
+    if more:
+        sizes.append(f"{more} more in the report" if shown else f"{more} sizes in the report")
+    return ", ".join(sizes)
 
 
 def _certainty(size: tuple[str, Value]) -> float:
@@ -181,8 +185,8 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
     heads = ("given", *(("in tolerance",) if within else ()), "corrected", "noise floor")
     rows = []
     for name, joint in zip(names, joints, strict=True):
-        moved = (joint.tolerated,) if within else ()
-        figures = (joint.rms_before, *moved, joint.rms_after, joint.noise_floor)
+        in_tolerance = (joint.tolerated,) if within else ()
+        figures = (joint.rms_before, *in_tolerance, joint.rms_after, joint.noise_floor)
         cells = "  ".join(f"{number(value) if joint.hold_out_samples else 'not judged':>12}" for value in figures)
         rows.append(f"{name:<{width}}  {cells}  {joint.unit}")
     return [f"{'joint':<{width}}  " + "  ".join(f"{head:>12}" for head in heads), *rows]
@@ -223,8 +227,8 @@ def _may_be_noise(diagnosis: Diagnosis) -> list[str]:
 
 def _explained_by_noise(joint: JointGap) -> bool:
     """True if a joint counts as explained, or without a gap, only because its noise may be as large as its limit."""
-    floors = contract_levels.FLOORS_LEFT * joint.noise_floor < joint.rms_after <= joint.allowed
-    return bool(floors and (joint.closed is None or joint.closed < 1.0 - contract_levels.GAP_LEFT))
+    within_limit = contract_levels.FLOORS_LEFT * joint.noise_floor < joint.rms_after <= joint.allowed
+    return bool(within_limit and (joint.closed is None or joint.closed < 1.0 - contract_levels.GAP_LEFT))
 
 
 def _wrapped(text: str, indent: str = "", hanging: str | None = None) -> str:

@@ -100,7 +100,7 @@ def chart(
     between = _BETWEEN if any(panel.title for panel in panels[1:]) else TICK + SMALL
     free_height = height - _BOTTOM - top - between * (len(panels) - 1)
     heights = [free_height * panel.height / sum(other.height for other in panels) for panel in panels]
-    starts = accumulate((each + between for each in heights), initial=top)
+    starts = accumulate((panel_height + between for panel_height in heights), initial=top)
     x_range = _padded(_range([x for panel in panels for x, _ in _drawn(panel)]))
     if x_names:
         x_range = (-0.5, len(x_names) - 0.5)
@@ -108,8 +108,8 @@ def chart(
     if same_scale:
         y_ranges = [(min(low for low, _ in y_ranges), max(high for _, high in y_ranges))] * len(panels)
     out = [legend_svg(legend)]
-    for k, (panel, start, each, y_range) in enumerate(zip(panels, starts, heights, y_ranges, strict=False)):
-        frame = Frame(x_range, y_range, (LEFT, width - _RIGHT), (start + each, start))
+    for k, (panel, start, panel_height, y_range) in enumerate(zip(panels, starts, heights, y_ranges, strict=False)):
+        frame = Frame(x_range, y_range, (LEFT, width - _RIGHT), (start + panel_height, start))
         last = k == len(panels) - 1
         out.append(_panel(panel, frame, x_label if last else "", x_names, logarithmic))
     return (
@@ -128,7 +128,7 @@ def short_name(name: str, length: int = 18) -> str:
 
 
 def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
-    """Abscissas and ordinates of everything that must fit into a panel."""
+    """Abscissas and ordinates of everything in a panel: points of curves with their bars, ribbons and the cloud."""
     points = [(curve.x, curve.y) for curve in panel.curves]
     bars = [(curve, curve.half) for curve in panel.curves if curve.half is not None]
     points += [(curve.x, curve.y + side * half) for curve, half in bars for side in (1.0, -1.0)]
@@ -153,10 +153,10 @@ def _range(parts: list[Array], least: tuple[float, ...] = ()) -> Range:
 def _padded(limits: Range) -> Range:
     """A range with some space at both ends; an empty range is widened."""
     low, high = limits
-    wide = high - low
-    if wide <= 1e-12 * max(abs(low), abs(high)) or wide == 0.0:
-        wide = max(abs(low), abs(high)) or 1.0
-    return low - _PADDING * wide, high + _PADDING * wide
+    width = high - low
+    if width <= 1e-12 * max(abs(low), abs(high)) or width == 0.0:
+        width = max(abs(low), abs(high)) or 1.0
+    return low - _PADDING * width, high + _PADDING * width
 
 
 def _in_decades(panel: Panel) -> Panel:
@@ -166,7 +166,7 @@ def _in_decades(panel: Panel) -> Panel:
 
 
 def curve_over_time(t: Array, y: Array, colour: str, width: float, label: str = "", opacity: float = 1.0) -> Curve:
-    """A thinned curve over time, interrupted between recordings and at gaps within recordings."""
+    """A thinned curve over time, interrupted between recordings, at gaps within recordings and at missing values."""
     # Gaps must be found before thinning, which makes time steps uneven.
     begins = np.zeros(len(t), dtype=bool)
     begins[gap_starts(t)] = True

@@ -121,7 +121,9 @@ def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
     power = 0 if -4 < power < 5 else power
     scaled = values / 10.0**power
     step = float(np.diff(scaled).min()) if len(scaled) > 1 else 1.0
+    # The fewest decimals with which the step is exact: 1 for 0.5, 2 for 0.25.
     decimals = next((n for n in range(12) if abs(round(step * 10**n) - step * 10**n) < 1e-6 * step * 10**n), 12)
+    # Adding zero turns -0 into 0.
     words = [f"{value + 0.0:.{decimals}f}".replace("-", "\u2212") for value in np.round(scaled, decimals)]
     return words, f"×10{str(power).translate(_SUPERSCRIPT)}" if power else ""
 
@@ -159,7 +161,8 @@ def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = (), logarithm
         x, y = ticks(*frame.x_range, most_x), ticks(*frame.y_range, most_y)
         (x_words, x_power), (y_words, y_power) = tick_words(x), tick_words(y)
     if names:
-        x, x_words, x_power = *_named_places(names, right - left), ""
+        x, x_words = _named_places(names, right - left)
+        x_power = ""
     at_x, at_y = frame.x(x), frame.y(y)
     lines = [f"M{left:.1f} {top:.1f}V{bottom:.1f}H{right:.1f}"]
     lines += [f"M{place:.1f} {bottom:.1f}v{TICK}" for place in at_x] + [

@@ -69,10 +69,11 @@ def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], second
         time = t[first:last]
         energy = np.concatenate([[0.0], np.cumsum(np.nan_to_num(residual[first:last]) ** 2)])
         ends = np.searchsorted(time, time + seconds, side="right")
-        full = time + seconds <= time[-1]
-        starts = np.flatnonzero(full) if full.any() else np.array([0])
+        fits = time + seconds <= time[-1]
+        starts = np.flatnonzero(fits) if fits.any() else np.array([0])
         mean_square = (energy[ends[starts]] - energy[starts]) / (ends[starts] - starts)
         k = int(np.argmax(mean_square))
+        # A longer section is better; of equally long ones, that with the larger mean square.
         rank = (min(seconds, float(time[-1] - time[0])), float(mean_square[k]))
         if rank > best_rank:
             best, best_rank = slice(first + int(starts[k]), first + int(ends[starts[k]])), rank

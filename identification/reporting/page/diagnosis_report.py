@@ -61,7 +61,7 @@ VERDICTS = {
 _FIGURES = 20  # largest number of findings with a figure
 _CURVES = 12  # largest number of joints that are drawn over time
 _CLOUDS = 6  # largest number of joints whose residual is drawn over velocity and position
-_SOME = 0.02  # a joint's residual is drawn over velocity and position from this share of the gap
+_LEAST_SHARE = 0.02  # a joint's residual is drawn over velocity and position from this share of the gap
 _OPEN_JOINTS = 2  # number of joints whose figures are unfolded: those with the largest gap
 
 View = dict[str, Any]
@@ -120,7 +120,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_file
                 a.quantity,
                 f"{100 * a.change:+.2g} %",
                 f"±{100 * a.tolerance:.2g} %",
-                f"at its limit: {hidden_words(a)}" * a.at_limit,
+                f"at its limit: {hidden_words(a)}" if a.at_limit else "",
             )
             for a in diagnosis.adjusted
         ],
@@ -152,13 +152,13 @@ def _closed(diagnosis: Diagnosis) -> str:
     gap = diagnosis.gap
     if gap.closed is None or gap.interval is None:
         return ""
-    moved = closed_by_tolerances(diagnosis)
+    by_tolerances = closed_by_tolerances(diagnosis)
     share = words.share_words(gap.closed, gap.interval)
-    if moved is None:
+    if by_tolerances is None:
         return f"All findings together close {share} of the gap."
     return (
-        f"The findings close {percent_short_of_all(gap.closed - moved)} of the gap, and changes within the tolerances "
-        f"{percent_short_of_all(moved)}: {share} together."
+        f"The findings close {percent_short_of_all(gap.closed - by_tolerances)} of the gap, and changes within the "
+        f"tolerances {percent_short_of_all(by_tolerances)}: {share} together."
     )
 
 
@@ -187,7 +187,7 @@ def _joint_views(diagnosis: Diagnosis) -> list[View]:
     shares = shares_of(diagnosis)
     ranked = np.argsort(-shares, kind="stable").tolist()
     named = {joint_of(diagnosis, finding.joint) for finding in diagnosis.findings[:_FIGURES]}
-    drawn = [k for k in ranked if shares[k] > _SOME or k in named or k in ranked[:_OPEN_JOINTS]][:_CLOUDS]
+    drawn = [k for k in ranked if shares[k] > _LEAST_SHARE or k in named or k in ranked[:_OPEN_JOINTS]][:_CLOUDS]
     return [
         {
             "name": gap.joint,
@@ -195,8 +195,8 @@ def _joint_views(diagnosis: Diagnosis) -> list[View]:
             "torque": Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
             "clouds": [Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in drawn],
             "regimes": regime_table(diagnosis, k) if shares.any() else [],
-            "unfolded": k == ranked[0] or (k in ranked[:_OPEN_JOINTS] and shares[k] > _SOME),
-            "has_gap": bool(shares[k] > _SOME or k == ranked[0]),
+            "unfolded": k == ranked[0] or (k in ranked[:_OPEN_JOINTS] and shares[k] > _LEAST_SHARE),
+            "has_gap": bool(shares[k] > _LEAST_SHARE or k == ranked[0]),
         }
         for k, gap in enumerate(diagnosis.joints)
     ]

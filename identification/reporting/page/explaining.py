@@ -50,15 +50,15 @@ class Variable:
 def joint_of(diagnosis: Diagnosis, joint: str | None) -> int:
     """Index of the joint whose residual shows a finding.
 
-    This is the finding's joint if this joint is driven. For a coupling it is that one of the two joints whose residual
-    decreased most; for the whole robot or a passive joint, the joint of the robot whose residual decreased most.
+    For a finding on a driven joint, it is this joint. For a coupling, it is the one of the two joints whose residual
+    decreased more. For the whole robot or a passive joint, it is the joint of the robot whose residual decreased most.
     """
     rows = {gap.joint: k for k, gap in enumerate(diagnosis.joints)}
     if joint in rows:
         return rows[joint]
-    own = [rows[name] for name in (joint or "").split("+") if name in rows] or list(rows.values())
-    gains = [_gain(diagnosis, k) for k in own]
-    return own[int(np.argmax(gains))]
+    candidates = [rows[name] for name in (joint or "").split("+") if name in rows] or list(rows.values())
+    gains = [_gain(diagnosis, k) for k in candidates]
+    return candidates[int(np.argmax(gains))]
 
 
 def explaining_variable(
@@ -114,6 +114,7 @@ def displacement_by_recording(
     out = np.full(len(t), np.nan)
     starts = np.concatenate([[0], gap_starts(t), [len(t)]]) if len(t) else np.zeros(0, dtype=int)
     sign = np.sign(v)
+    # A standstill gets the sign of the last motion before it.
     sign = sign[np.maximum.accumulate(np.where(sign != 0, np.arange(len(v)), 0))]
     for start, stop in pairwise(starts):
         turns = np.flatnonzero(sign[start + 1 : stop] != sign[start : stop - 1])
@@ -133,7 +134,7 @@ def _gain(diagnosis: Diagnosis, row: int) -> float:
 def _best(variables: list[Variable], residual: Float[Array, " N"], forward: Bool[Array, " N"]) -> Variable:
     """The variable that explains most of a residual; an earlier one unless a later one is clearly better."""
     best, share = variables[0], -1.0
-    for variable in variables if len(variables) > 1 else ():
+    for variable in variables:
         explained = explained_share(variable.x, residual, forward if variable.by_direction else None)
         if share < 0 or explained > share + _CLEARLY:
             best, share = variable, explained
@@ -159,7 +160,8 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
     if name == "displacement":
         width = _first(finding, "displacement")
         x = displacement_by_recording(evidence.t, motion.q, motion.v)
-        return Variable("displacement since reversal", length, x, reach=width and _PRESLIDING_WIDTHS * abs(width))
+        reach = None if width is None else _PRESLIDING_WIDTHS * abs(width)
+        return Variable("displacement since reversal", length, x, reach=reach)
     if name == "phase":
         return _phase(finding, motion, length)
     if name == "coupled_velocity":

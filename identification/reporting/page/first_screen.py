@@ -60,13 +60,13 @@ class Group:
 def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
     """Bars of at most eight joints, in the robot's order, and the number of joints that are left out."""
     gaps = diagnosis.joints
-    sizes = np.array([_floors(gap, gap.without_findings) for gap in gaps])
+    sizes = np.array([_in_floors(gap, gap.without_findings) for gap in gaps])
     kept = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
-    largest = max([1.0, *(_floors(gap, size) for gap in gaps for size in (gap.without_findings, gap.rms_after))])
+    largest = max([1.0, *(_in_floors(gap, size) for gap in gaps for size in (gap.without_findings, gap.rms_after))])
     return [_bar(gaps[k], largest) for k in kept], len(gaps) - len(kept)
 
 
-def _floors(gap: JointGap, size: float) -> float:
+def _in_floors(gap: JointGap, size: float) -> float:
     """A residual divided by the joint's noise floor; zero if the ratio is not finite."""
     ratio = size / gap.noise_floor if gap.noise_floor else 0.0
     return ratio if np.isfinite(ratio) else 0.0
@@ -75,17 +75,17 @@ def _floors(gap: JointGap, size: float) -> float:
 def _bar(gap: JointGap, largest: float) -> Bar:
     """The bar of one joint; ``largest`` is the ratio of residual to noise floor with a width of 100 %."""
     sizes = (gap.without_findings, gap.rms_after, gap.noise_floor)
-    before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
+    before, after, floor = (100 * _in_floors(gap, size) / largest for size in sizes)
     text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
-    closed = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
+    status = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
     # No gap: the residual of the given model, or that of the model adjusted within its tolerances, is allowed.
-    if gap.only_given_fits or (closed is None and gap.tolerated <= gap.allowed):
-        closed = "may be a gap" if may_hide_gap(gap) else "no gap"
+    if gap.only_given_fits or (status is None and gap.tolerated <= gap.allowed):
+        status = "may be a gap" if may_hide_gap(gap) else "no gap"
         if gap.only_given_fits:
             text = with_unit(number(gap.rms_before), gap.unit).replace(" ", NO_BREAK)
     if not gap.hold_out_samples:
-        text, closed = "not judged", None
-    return Bar(gap.joint, before, after, floor, ", ".join(filter(None, (text, closed))))
+        text, status = "not judged", None
+    return Bar(gap.joint, before, after, floor, ", ".join(filter(None, (text, status))))
 
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:
@@ -114,17 +114,16 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
 def _size(findings: tuple[Finding, ...]) -> str:
     """Parameters of findings of one effect as text, as `Group.size`."""
     if len(findings) == 1:
-        values = words.shown_parameters(findings[0])
-        if len(values) > _MOST_SIZES:
+        parameters = words.shown_parameters(findings[0])
+        if len(parameters) > _MOST_SIZES:
             return ""
-        alone = len(values) == 1
         return ", ".join(
-            _unbroken(value) if alone else f"{words.parameter_name(name)} {_unbroken(value)}"
-            for name, value in values.items()
+            _unbroken(value) if len(parameters) == 1 else f"{words.parameter_name(name)} {_unbroken(value)}"
+            for name, value in parameters.items()
         )
-    alone = [tuple(finding.parameters.values()) for finding in findings if len(finding.parameters) == 1]
-    sizes = [float(value.value) for (value,) in alone if not isinstance(value.value, list)]
-    units = {value.unit for (value,) in alone}
+    values = [value for one in findings if len(one.parameters) == 1 for value in one.parameters.values()]
+    sizes = [float(value.value) for value in values if not isinstance(value.value, list)]
+    units = {value.unit for value in values}
     if len(sizes) < len(findings) or len(units) > 1:
         return ""
     low, high = number(min(sizes)), number(max(sizes))

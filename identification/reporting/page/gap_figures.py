@@ -130,13 +130,16 @@ def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
 
 
 def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> str:
-    """Draws the residual over the variable that explains a finding: above without the finding, below with all."""
+    """Draws the residual over the variable that explains a finding: above without the finding, below with all findings.
+
+    If the diagnosis has no fit without the finding, the upper residual is that of the given model.
+    """
     evidence, finding = diagnosis.evidence, diagnosis.findings[index]
     row = joint_of(diagnosis, finding.joint)
-    alone = bool(evidence.tau_without)
-    before = residual(evidence.tau_without[index] if alone else evidence.tau_before, evidence, row)
+    has_fits_without = bool(evidence.tau_without)
+    before = residual(evidence.tau_without[index] if has_fits_without else evidence.tau_before, evidence, row)
     variable = explaining_variable(diagnosis, motions, finding, before)
-    titles = ("without this finding", "with it") if alone else ("given model", "corrected model")
+    titles = ("without this finding", "with it") if has_fits_without else ("given model", "corrected model")
     after = residual(evidence.tau_after, evidence, row)
     return _residual_figure(diagnosis, row, variable, (before, after), titles)
 
@@ -174,7 +177,7 @@ def _residual_figure(
     if variable.reach:
         within &= np.abs(variable.x) <= variable.reach
     groups: Groups = ((v > 0, ""), (v < 0, "5.4 2.7")) if variable.by_direction else ((within, ""),)
-    reach = [max(_reach(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
+    reach = [max(_largest_size(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
     # On the scale of a large gap, the residual of the corrected model would look like a flat line.
     finer = reach[0] > FINER_FROM * reach[1]
 
@@ -208,7 +211,7 @@ def _medians(x: Array, y: Array, groups: Groups, colour: str) -> tuple[Curve, ..
     return tuple(Curve(*binned_median(x[rows], y[rows]), colour, 1.8, dashes=dashes) for rows, dashes in inside)
 
 
-def _reach(residual: Float[Array, " N"]) -> float:
+def _largest_size(residual: Float[Array, " N"]) -> float:
     """Largest absolute value of a residual."""
     finite = residual[np.isfinite(residual)]
     return float(np.max(np.abs(finite))) if len(finite) else 0.0

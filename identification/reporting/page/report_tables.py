@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from identification.diagnosis.result import Bound, Diagnosis, Finding, JointGap, NotTestable
@@ -79,7 +80,7 @@ def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
         share, time = shares[regime], times.get(regime)
         expected = _HALVES.get(regime) if time is None else time
         least = _STANDS_OUT_ALONE if expected is None else max(_LEAST, _STANDS_OUT * expected)
-        width = 100 * min(max(share, 0.0), 1.0) if share == share else 0.0
+        width = 0.0 if math.isnan(share) else 100 * min(max(share, 0.0), 1.0)
         in_time = "" if time is None else percent(time)
         rows.append(RegimeShare(words.capital(regime_words(regime)), percent(share), in_time, width, share >= least))
     return rows
@@ -125,9 +126,9 @@ def untestable_rows(entries: tuple[NotTestable, ...], joints: tuple[JointGap, ..
     for entry in sorted(entries, key=lambda entry: report_order(entry.effect)):
         places.setdefault((entry.effect, entry.why), []).append(entry)
     effects: dict[tuple[str, Row], list[str]] = {}
-    for (effect, why), at in places.items():
-        where = _places(effect, [entry.joint for entry in at], joints)
-        effects.setdefault((why, where), []).append(words_of(at[0]).name)
+    for (effect, why), group in places.items():
+        where = _places(effect, [entry.joint for entry in group], joints)
+        effects.setdefault((why, where), []).append(words_of(group[0]).name)
     return [
         (words.capital(words.joined(names)), words.joined(list(where)), why) for (why, where), names in effects.items()
     ]
@@ -149,10 +150,9 @@ def _range(bounds: list[Bound]) -> str:
     if len(bounds) == 1:
         return f"{size} ({words.place(bounds[0].effect, bounds[0].joint)})"
     count = sum(bound.joint is not None for bound in bounds)
-    kind = f"{'pair' if count == 1 else 'pairs'} of joints" if is_between_joints(bounds[0].effect) else "joints"
-    kind = "joint" if (count, kind) == (1, "joints") else kind
+    one, several = ("pair of joints", "pairs of joints") if is_between_joints(bounds[0].effect) else ("joint", "joints")
     whole = " and the whole robot" if count < len(bounds) else ""
-    return f"{size} ({count} {kind}{whole})"
+    return f"{size} ({count} {one if count == 1 else several}{whole})"
 
 
 def _bare(effect: str, joint: str | None) -> str:

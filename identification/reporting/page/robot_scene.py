@@ -136,7 +136,8 @@ def extent(points: Float[Array, "P 3"]) -> float:
 def _rails(robot: Robot, diagnosis: Diagnosis, recorded: Postures) -> dict[int, Mesh]:
     """A thin rod along the recorded travel of each linear joint, in the middle posture, by index of the joint."""
     rails = {}
-    for joint, row in zip([robot.model.getJointId(name) for name in robot.joint_names], range(robot.nv), strict=True):
+    for row, name in enumerate(robot.joint_names):
+        joint = robot.model.getJointId(name)
         axis, linear = joint_axis(robot.model, joint)
         travel = diagnosis.evidence.q[:, row]
         if not linear or not np.isfinite(travel).any():

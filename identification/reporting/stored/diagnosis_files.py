@@ -66,14 +66,15 @@ _NAMELESS = frozenset(structure.name for structure in STRUCTURES)
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
     """The content of ``diagnosis.json`` as plain types, with all digits, and null for numbers that are not finite."""
-    frames, in_poses, geometry = ({}, [], {}) if diagnosis.geometry is None else _of_poses(diagnosis.geometry)
+    frames, in_poses, geometry = ({}, [], {}) if diagnosis.geometry is None else _pose_entries(diagnosis.geometry)
     return {
         "schema": SCHEMA,
         "verdict": diagnosis.verdict,
         "run": diagnosis.run,
         "robot": diagnosis.robot,
         "gap": _plain(asdict(diagnosis.gap)),
-        "joints": [_joint(joint) for joint in diagnosis.joints],
+        # Residuals by regime are left out: ``corrected.yaml`` has them for the next diagnosis.
+        "joints": [_plain_without("left", joint) for joint in diagnosis.joints],
         "band_hz": _plain(diagnosis.band_hz),
         **frames,
         "findings": [*(_finding(finding) for finding in diagnosis.findings), *in_poses],
@@ -93,7 +94,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
     }
 
 
-def _of_poses(found: GeometryResult) -> tuple[dict[str, Json], list[Json], dict[str, Json]]:
+def _pose_entries(found: GeometryResult) -> tuple[dict[str, Json], list[Json], dict[str, Json]]:
     """Parts of the file on poses: the entry ``frames``, the findings, and the entry ``geometry``."""
     from identification.reporting.stored.geometry_json import findings_json, frames_json, geometry_json
 
@@ -107,10 +108,12 @@ def json_text(diagnosis: Diagnosis) -> str:
 
 
 def _finding(finding: Finding) -> Json:
-    # The name of an effect defined by a user is stored, as readers of the JSON may not have the user's file.
-    named = {} if finding.words is None else {"name": finding_name(finding)}
-    law = {} if finding.law is None else {"law": finding.law}
-    in_one = {} if finding.recording is None else {"recording": finding.recording}
+    optional = {
+        "law": finding.law,
+        "recording": finding.recording,
+        # For an effect defined by a user, as readers of the JSON may not have the user's file.
+        "name": None if finding.words is None else finding_name(finding),
+    }
     return {
         "effect": finding.effect,
         "joint": finding.joint,
@@ -125,9 +128,7 @@ def _finding(finding: Finding) -> Json:
             for rival in finding.rivals
         ],
         "verdict": finding.verdict,
-        **law,
-        **in_one,
-        **named,
+        **{key: value for key, value in optional.items() if value is not None},
     }
 
 
@@ -136,7 +137,7 @@ def _file(file: WrittenFile) -> Json:
     return _plain_without("refused", file) | ({"refused": file.refused} if file.refused else {})
 
 
-def _plain_without(left_out: str, entry: Adjusted | Bound | NotTestable | WrittenFile) -> dict[str, Json]:
+def _plain_without(left_out: str, entry: Adjusted | Bound | JointGap | NotTestable | WrittenFile) -> dict[str, Json]:
     """All fields of an entry except ``left_out``, as plain JSON types."""
     return {name: _plain(value) for name, value in vars(entry).items() if name != left_out}
 
@@ -180,13 +181,6 @@ def _dependence(found: Dependence) -> Json:
         DEPENDENCE_KEYS["responses"]: [_plain(asdict(response)) for response in found.responses],
         "terms": [_plain(asdict(term)) for term in found.terms],
     }
-
-
-def _joint(joint: JointGap) -> Json:
-    """The gap of a joint, without the residuals by regime, which ``corrected.yaml`` has for the next diagnosis."""
-    content = asdict(joint)
-    del content["left"]
-    return _plain(content)
 
 
 def _plain(value: object) -> Json:
@@ -257,7 +251,7 @@ def write_outputs(
         json_file: Additional file for the JSON; None for none.
         known: Effects that the given model already contains.
         config: The ``robot.yaml`` that was given; None for the one in the folder of the robot's file.
-        tell: Called with a sentence for each file that was not written, and for findings that model files cannot
+        tell: Called with a sentence on each file that was not written, and on each finding that a model file cannot
             contain.
         completed: Called with the diagnosis after the models are made; adds the proposed experiment.
 
@@ -288,7 +282,7 @@ def write_outputs(
         texts[INDEX] = json_text(diagnosis)
     elif json_file is not None:
         diagnosis = completed(diagnosis)
-    return _written(texts, out, json_file, json_text(diagnosis))
+    return _write(texts, out, json_file, json_text(diagnosis))
 
 
 def write_diagnosis_alone(diagnosis: Diagnosis, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
@@ -309,10 +303,10 @@ def write_diagnosis_alone(diagnosis: Diagnosis, *, out: Path | None, json_file: 
     """
     check_targets(out, json_file)
     text = json_text(diagnosis)
-    return _written({} if out is None else {INDEX: text}, out, json_file, text)
+    return _write({} if out is None else {INDEX: text}, out, json_file, text)
 
 
-def _written(texts: dict[str, str], out: Path | None, json_file: Path | None, json_content: str) -> tuple[Path, ...]:
+def _write(texts: dict[str, str], out: Path | None, json_file: Path | None, json_content: str) -> tuple[Path, ...]:
     """Writes files into a folder, and JSON to another file, all or none; returns their paths."""
     with ExitStack() as renamed:
         if json_file is not None:
