@@ -314,7 +314,9 @@ def _require_free(host: str, port: int | None) -> None:
 
 def _shown(host: str) -> str:
     """Name of the host for a browser on this machine."""
-    return "localhost" if host in ("0.0.0.0", "::", "") else f"[{host}]" if ":" in host else host
+    if host in ("0.0.0.0", "::", ""):  # all addresses of this machine
+        return "localhost"
+    return f"[{host}]" if ":" in host else host  # a URL has an IPv6 address in brackets
 
 
 def _rgb(share: float, tint: float = 1.0) -> tuple[int, int, int]:
@@ -324,14 +326,14 @@ def _rgb(share: float, tint: float = 1.0) -> tuple[int, int, int]:
 
 def _added_solids(server: viser.ViserServer, copy: str, kind: str, meshes: tuple[Mesh, ...]) -> list[Any]:
     """Add a mesh in the frame of each joint of a copy to the scene; returns the nodes, None for an empty mesh."""
-    out: list[Any] = []
+    out: list[Any] = [None] * len(meshes)
     for k, mesh in enumerate(meshes):
-        name = f"/{copy}/{k}/{kind}" if k else f"/{copy}/{kind}"
-        # Both sides of faces are shown, because meshes differ in which side is the outside.
-        added = len(mesh.faces) and server.scene.add_mesh_simple(
-            name, mesh.points, mesh.faces, color=_rgb(0.0), flat_shading=True, side="double"
-        )
-        out.append(added or None)
+        if len(mesh.faces):
+            name = f"/{copy}/{k}/{kind}" if k else f"/{copy}/{kind}"
+            # Both sides of faces are shown, because meshes differ in which side is the outside.
+            out[k] = server.scene.add_mesh_simple(
+                name, mesh.points, mesh.faces, color=_rgb(0.0), flat_shading=True, side="double"
+            )
     return out
 
 

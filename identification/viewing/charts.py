@@ -79,14 +79,15 @@ class Chart:
             rows = rows[np.unique(np.concatenate(kept))]
         count, parts = len(self.names), self.parts
         out = np.full((len(rows) + 2, 2 + count * parts), np.nan)
+        # The vertical line takes two rows between the samples: its lower and its upper end.
         at = int(np.searchsorted(self.t[rows], moment))
-        place = np.arange(len(rows)) + 2 * (np.arange(len(rows)) >= at)
-        out[place, 0], out[at : at + 2, 0] = self.t[rows], moment
+        sample_rows = np.arange(len(rows)) + 2 * (np.arange(len(rows)) >= at)
+        out[sample_rows, 0], out[at : at + 2, 0] = self.t[rows], moment
         out[at : at + 2, -1] = self.limits
         # If there are more runs than lines, the last line contains several runs.
         part = np.minimum(np.unique(self.runs[rows], return_inverse=True)[1], parts - 1)
         for k in range(count):
-            out[place, 1 + k * parts + part] = self.values[rows, k]
+            out[sample_rows, 1 + k * parts + part] = self.values[rows, k]
         return out
 
 

@@ -85,7 +85,7 @@ def replayed_motion(
         problem = ""
         for horizon in horizons:
             try:
-                found[name] = horizon, _followed(log, states, model, horizon, controlled, progress)
+                found[name] = horizon, _simulated(log, states, model, horizon, controlled, progress)
                 break
             except (PhantomDynError, np.linalg.LinAlgError) as error:
                 problem = problem or str(error)
@@ -100,10 +100,11 @@ def replayed_motion(
             f"Simulated motion starts again from the recorded one every {least:g} s: over {horizons[0]:g} s it leaves "
             "all bounds."
         )
+    # A model that was simulated over a longer horizon is simulated again, so that all have the same horizon.
     q = []
     for name, model in models.items():
-        horizon, one = found.get(name, (least, np.full(log.motion.q.shape, np.nan)))
-        q.append(one if horizon == least else _followed(log, states, model, least, controlled, progress))
+        horizon, positions = found.get(name, (least, np.full(log.motion.q.shape, np.nan)))
+        q.append(positions if horizon == least else _simulated(log, states, model, least, controlled, progress))
     return ReplayedMotion(least, tuple(q), tuple(notes))
 
 
@@ -127,7 +128,7 @@ def stretches(valid: Bool[Array, " N"], length: int) -> tuple[tuple[int, int], .
     return tuple(out)
 
 
-def _followed(
+def _simulated(
     log: Log, states: States, model: Model, horizon: float, controlled: bool, progress: Progress
 ) -> Float[Array, "N nv"]:
     """Simulated positions of one model; NaN for samples that are not simulated."""
@@ -142,11 +143,11 @@ def _followed(
         progress(Announcement(Stage.SIMULATION, k + 1, len(parts)))
         window = window_at((log,), Window(0, start, stop, -1, 0), LEAD)
         assert window is not None  # all samples of the window are valid
-        out[start:stop] = _read(Shot(log, states, window), model, torque, min(step, STEP) if controlled else None)
+        out[start:stop] = _section(Shot(log, states, window), model, torque, min(step, STEP) if controlled else None)
     return out
 
 
-def _read(shot: Shot, model: Model, torque: Float[Array, "N nv"], step: float | None) -> Float[Array, "n nv"]:
+def _section(shot: Shot, model: Model, torque: Float[Array, "N nv"], step: float | None) -> Float[Array, "n nv"]:
     """Simulated positions over one section; hidden states of the model start from the motion before the section.
 
     Args:
@@ -277,8 +278,8 @@ def replay_of(
     rows = frame_rows(log.motion.t)
     shares = relative_residuals(curves)
     full = full_colour(shares[0])
-    none = np.zeros((len(rows), robot.nv))
-    colours = [none, *(_at(log.motion.t[rows], curves.t, share / full) for share in shares)]
+    no_residual = np.zeros((len(rows), robot.nv))
+    colours = [no_residual, *(_at_frames(log.motion.t[rows], curves.t, share / full) for share in shares)]
     names = (MEASURED, GIVEN, CORRECTED)
     positions = (states.raw, *motion.q)
     copies = tuple(
@@ -311,7 +312,7 @@ def _horizons(wanted: float | None, correction: Correction | None) -> tuple[floa
     return (first, *(horizon for horizon in HORIZONS if horizon < first))
 
 
-def _at(t: Float[Array, " n"], times: Float[Array, " m"], values: Float[Array, "m nv"]) -> Float[Array, "n nv"]:
+def _at_frames(t: Float[Array, " n"], times: Float[Array, " m"], values: Float[Array, "m nv"]) -> Float[Array, "n nv"]:
     """Values interpolated from ``times`` to ``t`` and limited to 0 to 1; zero outside the range of ``times``."""
     columns = [np.interp(t, times, column, left=0.0, right=0.0) for column in values.T]
     return np.clip(np.column_stack(columns), 0.0, 1.0)
@@ -325,12 +326,10 @@ def _corrections(correction: Correction | None, robot: Robot) -> tuple[str, ...]
     for one in correction.effects:
         at = EffectAt(one.effect, one.joint, words=user_words(one.effect, robot))
         places.setdefault(one.effect, []).append(at)
-    found = [_named(every) for every in places.values()]
-    count = len(correction.adjusted)
-    return (
-        *found,
-        *([f"{count} changes within tolerance" if count > 1 else "1 change within tolerance"] if count else []),
-    )
+    words = [_named(every) for every in places.values()]
+    if count := len(correction.adjusted):
+        words.append(f"{count} changes within tolerance" if count > 1 else "1 change within tolerance")
+    return tuple(words)
 
 
 def _named(places: list[EffectAt]) -> str:
