@@ -33,7 +33,8 @@ def numbered(name: str, values: Array) -> dict[str, Array]:
 
 def _problem(file: str, name: str, array: Array) -> str | None:
     """The reason why an array cannot be used as columns; None if it can."""
-    if array.ndim != 1 and not (array.ndim == 2 and array.shape[1] <= MOST_IN_LIST and column_of(name) is None):
+    has_columns = array.ndim == 2 and array.shape[1] <= MOST_IN_LIST and column_of(name) is None
+    if array.ndim != 1 and not has_columns:
         return (
             f"{file}: array {shortened(name)} has the shape {array.shape}: write one 1-D array per column, "
             f"named as {shortened(name)}.<joint> where it belongs to a joint."
@@ -109,6 +110,7 @@ def _read_only_view(array: Array) -> Array:
 
 
 def _require_unique(path: Path, names: Iterable[str]) -> None:
+    """Raise an error if two columns have the same name."""
     repeated = [name for name, count in Counter(names).items() if count > 1]
     if repeated:
         raise LogError(

@@ -20,10 +20,11 @@ ignore: [q.gripper]                  # columns that are left out
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -45,10 +46,12 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError, known_names, shortened
 from phantom_dyn.model.files.settings_file import describe, read_settings
 
+Read = TypeVar("Read")
+
 # Parts of a torque that a controller may have subtracted.
 _PARTS = ("gravity", "friction")
-# Changes that a recorder made to torques and that one number describes: an example of the number, and its meaning.
-_RECORDED = {LOW_PASS: ("20", "the cut-off in Hz"), LATE: ("0.01", "the time by which it is late [s]")}
+# Example of the value of each key that only torques may have.
+_EXAMPLES = {COMPENSATED: _PARTS[0], LOW_PASS: "20", LATE: "0.01"}
 WHOLE_KEYS = ("rate", "ignore")
 """Keys of a map that are not columns."""
 
@@ -93,12 +96,11 @@ def read_column_map(path: str | Path) -> ColumnMap:
     rate = _rate(path.name, content.pop("rate", None), content)
     if not content and not ignored and rate is None:
         raise LogError(f"{path.name} is empty: a column map needs entries such as t: TIME_COLUMN.")
-    entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
-    compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
-    plain = {key: value for key, (value, _) in entries.items()}
-    plain, low_pass = _split_off(path.name, plain, LOW_PASS)
-    plain, late = _split_off(path.name, plain, LATE)
-    sources = {key: source_of(path.name, key, value) for key, value in plain.items() if value != {}}
+    entries = {str(key): value for key, value in content.items()}
+    entries, compensated = _split_off(path.name, entries, COMPENSATED, _compensated_parts)
+    entries, low_pass = _split_off(path.name, entries, LOW_PASS, partial(_number, "the cut-off in Hz"))
+    entries, late = _split_off(path.name, entries, LATE, partial(_number, "the time by which it is late [s]"))
+    sources = {key: source_of(path.name, key, value) for key, value in entries.items() if value != {}}
     _require_own_columns(path.name, sources)
     return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass, rate, late)
 
@@ -151,39 +153,46 @@ def require_joints(columns: ColumnMap, joints: Sequence[str]) -> None:
             )
 
 
-def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[str, ...]]:
-    """An entry without its key ``compensated``, and the parts that this key lists."""
-    if not isinstance(value, dict) or COMPENSATED not in value:
-        return value, ()
-    where = f"{file}: {shortened(key)}.{COMPENSATED}"
-    if key.partition(".")[0] != "tau":
-        raise LogError(f"{where} is for torques: write tau: {{{COMPENSATED}: {_PARTS[0]}}}, or tau.<joint>.")
-    given = value[COMPENSATED]
+def _split_off(
+    file: str, entries: Mapping[str, Any], name: str, read: Callable[[str, Any], Read]
+) -> tuple[dict[str, Any], dict[str, Read]]:
+    """The entries without their key ``name``, which only torques may have, and the values of this key by joint.
+
+    Args:
+        file: Name of the map, for messages.
+        entries: Entries of the map.
+        name: ``compensated``, ``low_pass`` or ``late``.
+        read: Function that checks a value; its first argument says where the value is.
+
+    Returns:
+        The entries, and the values; the joint ``""`` means all joints.
+    """
+    out, values = dict(entries), {}
+    for key, entry in entries.items():
+        if not isinstance(entry, dict) or name not in entry:
+            continue
+        where = f"{file}: {shortened(key)}.{name}"
+        quantity, _, joint = key.partition(".")
+        if quantity != "tau":
+            raise LogError(f"{where} is for torques: write tau: {{{name}: {_EXAMPLES[name]}}}, or tau.<joint>.")
+        out[key] = {other: value for other, value in entry.items() if other != name}
+        values[joint] = read(where, entry[name])
+    return out, values
+
+
+def _compensated_parts(where: str, given: Any) -> tuple[str, ...]:
+    """The parts that a key ``compensated`` lists."""
     parts = given if isinstance(given, list) else [given]
     if not parts or any(part not in _PARTS for part in parts):
         raise LogError(f"{where} is {describe(given)}, wanted {' or '.join(_PARTS)}, or [{', '.join(_PARTS)}].")
-    return {name: entry for name, entry in value.items() if name != COMPENSATED}, tuple(dict.fromkeys(parts))
+    return tuple(dict.fromkeys(parts))
 
 
-def _split_off(file: str, entries: Mapping[str, Any], name: str) -> tuple[dict[str, Any], dict[str, float]]:
-    """The entries without their key ``name`` (low_pass or late), and the numbers of this key by joint.
-
-    The joint ``""`` means all joints.
-    """
-    out, numbers = dict(entries), {}
-    example, wanted = _RECORDED[name]
-    for key, value in entries.items():
-        if not isinstance(value, dict) or name not in value:
-            continue
-        where, number = f"{file}: {shortened(key)}.{name}", value[name]
-        quantity, _, joint = key.partition(".")
-        if quantity != "tau":
-            raise LogError(f"{where} is for torques: write tau: {{{name}: {example}}}, or tau.<joint>.")
-        if not isinstance(number, int | float) or isinstance(number, bool) or not SMALLEST <= number <= LARGEST_NUMBER:
-            raise LogError(f"{where} is {describe(number)}, wanted {wanted}, above 0 (1e-6 to 1e12).")
-        out[key] = {other: entry for other, entry in value.items() if other != name}
-        numbers[joint] = float(number)
-    return out, numbers
+def _number(meaning: str, where: str, given: Any) -> float:
+    """The number of a key ``low_pass`` or ``late``; ``meaning`` says in a message what is wanted."""
+    if not isinstance(given, int | float) or isinstance(given, bool) or not SMALLEST <= given <= LARGEST_NUMBER:
+        raise LogError(f"{where} is {describe(given)}, wanted {meaning}, above 0 (1e-6 to 1e12).")
+    return float(given)
 
 
 def _times(raw: RawTable, columns: ColumnMap, rate: float, out: Mapping[str, Array]) -> Array:

@@ -209,7 +209,7 @@ def _readable(raw: RawTable, wanted: Mapping[str, Column]) -> dict[str, Array]:
     return columns
 
 
-def _bounded(columns: Mapping[str, Array], wanted: Mapping[str, Column]) -> Mapping[str, Array]:
+def _with_divergence_clipped(columns: Mapping[str, Array], wanted: Mapping[str, Column]) -> Mapping[str, Array]:
     """The columns, with the values of a simulation that diverged clipped to the limits of `LARGEST`.
 
     A value is impossible if it is not finite or larger than any sensor gives. A simulation diverged if, from some row
@@ -222,8 +222,8 @@ def _bounded(columns: Mapping[str, Array], wanted: Mapping[str, Column]) -> Mapp
     first = int(np.argmax(bad))
     if first < FEWEST_ROWS or not bad[first:].all():
         return columns
-    moved = {name: np.abs(columns[name][:first] - columns[name][0]) for name in limits}
-    if not any(way[-_LAST_ROWS:].max() > _GREW * way[: first // 2].max() > 0 for way in moved.values()):
+    distances = [np.abs(columns[name][:first] - columns[name][0]) for name in limits]
+    if not any(one[-_LAST_ROWS:].max() > _GREW * one[: first // 2].max() > 0 for one in distances):
         return columns
     clipped = {n: np.clip(np.nan_to_num(columns[n], nan=limit), -limit, limit) for n, limit in limits.items()}
     return {**columns, **clipped}
@@ -250,8 +250,8 @@ def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mappi
             raise LogError(f"{where} is {value}{more}: every value must be a number; repair or delete {rows}.")
         unit = next((unit for unit, factor in _TIME.items() if abs(value) * factor <= largest), None)
         entry = f", or write t: {{from: t, unit: {unit}}} into a column map (--columns)" if unit else ""
-        hint = "give SI units (--columns converts), or delete the row"
-        hint = f"give the time in seconds{entry}" if name == "t" else hint
+        others_hint = "give SI units (--columns converts), or delete the row"
+        hint = f"give the time in seconds{entry}" if name == "t" else others_hint
         raise LogError(f"{where} is {value:g}, which no sensor gives (limit {largest:g}): {hint}.")
 
 
@@ -314,7 +314,7 @@ def _require_rows(raw: RawTable, rows: int, poses_alone: bool) -> None:
         )
 
 
-def _read_once(
+def _without_repeats(
     raw: RawTable, columns: Mapping[str, Float[Array, " N"]], kept: Bool[Array, " N"]
 ) -> tuple[Bool[Array, " N"], tuple[str, ...]]:
     """The kept rows without repeated readings, and a warning if a recorder wrote each reading several times."""
@@ -347,7 +347,7 @@ def contract_table(raw: RawTable) -> Table:
     """
     wanted, others = _contract_names(raw)
     _require_columns(raw, wanted, others)
-    columns = _bounded(_readable(raw, wanted), wanted)
+    columns = _with_divergence_clipped(_readable(raw, wanted), wanted)
     _require_possible(raw, columns, wanted)
     kept = _kept_rows(raw, columns)
     rows = int(kept.sum())
@@ -360,7 +360,7 @@ def contract_table(raw: RawTable) -> Table:
     if dropped:
         noun = "row that repeats the one before was" if dropped == 1 else "rows that repeat the one before were"
         warnings += (f"{raw.file}: {dropped} {noun} dropped.",)
-    kept, repeats = _read_once(raw, columns, kept)
+    kept, repeats = _without_repeats(raw, columns, kept)
     warnings += repeats
     if others:
         noun = "column" if len(others) == 1 else "columns"

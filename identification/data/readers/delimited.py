@@ -189,9 +189,9 @@ def _line_by_line(
 ) -> tuple[dict[str, Array], dict[str, str]]:
     """Columns that hold numbers, and a message for each other column."""
     _raise_uneven(file, data, names, separator, own_line)
-    numbered_lines = list(islice(_data_lines(data), 1 if own_line else 0, None))
-    lines = [number for number, _ in numbered_lines]
-    rows = [_cells(line, separator) for _, line in numbered_lines]
+    lines_with_numbers = list(islice(_data_lines(data), 1 if own_line else 0, None))
+    lines = [number for number, _ in lines_with_numbers]
+    rows = [_cells(line, separator) for _, line in lines_with_numbers]
     columns, problems = {}, {}
     for k, name in enumerate(names):
         cells = [row[k] for row in rows]

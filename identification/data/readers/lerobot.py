@@ -131,9 +131,8 @@ def read_episode(folder: Path, episode: int) -> RawTable:
         )
     columns, problems = found
     if not any(column.startswith(_STATE) for column in columns):
-        problem = next((text for column, text in problems.items() if column == _STATE), None)
         raise LogError(
-            problem
+            problems.get(_STATE)
             or f"{folder}: {name} has no {_STATE} (measured positions), its columns are {listed(columns)}: "
             "record the state of the robot."
         )

@@ -50,9 +50,11 @@ def _in_names_of_file(recording: Recording, entries: Mapping[str, str]) -> dict[
 
 def _renamed(recording: Recording, value: str) -> str:
     """An entry, ``NAME`` or ``{from: NAME, ...}``, with the column name of the file."""
-    before, after = ("{from: ", ", ") if value.startswith("{from: ") else ("", "")
-    name, mark, rest = value.removeprefix(before).partition(after) if after else (value, "", "")
-    return f"{before}{quoted(recording.named[name])}{mark}{rest}" if name in recording.named else value
+    name, options = _parts(value)
+    if name not in recording.named:
+        return value
+    column = quoted(recording.named[name])
+    return f"{{from: {column}, {options}}}" if options else column
 
 
 def left_out_words(table: Table, robot: Robot) -> str:
@@ -76,10 +78,8 @@ def affixed_words(table: Table, robot: Robot) -> str:
     """
     columns = [column for name in table.columns if (column := column_of(name)) is not None and column.of]
     names = {column.of for column in columns if column.quantity == "q"}
-    around = [
-        {(before, after) for name in names if joint in name for before, after in [name.split(joint, 1)]}
-        for joint in robot.joint_names
-    ]
+    # For each joint, the letters before and after its name in each name of the log.
+    around = [{tuple(name.split(joint, 1)) for name in names if joint in name} for joint in robot.joint_names]
     common = set.intersection(*around) - {("", "")} if around else set()
     if len(common) != 1 or table.named:
         return ""
@@ -93,7 +93,7 @@ def joint_entries(robot: Robot, quantity: str, by_joint: dict[int, str]) -> dict
     """Entries that give a quantity of each joint an option; a single entry if all joints have the same option.
 
     Args:
-        robot: Gives the names of the joints.
+        robot: The robot, with the names of its joints.
         quantity: Quantity, such as ``tau``.
         by_joint: For the index of each joint its option, such as ``gear: 100``.
     """
@@ -136,8 +136,8 @@ def entries_after(earlier: Mapping[str, str], later: Mapping[str, str]) -> dict[
         quantity, _, joint = source.strip('"').partition(".")
         first = earlier.get(f"{quantity}.{joint}", earlier.get(quantity))
         if first is not None and (joint != "{joint}" or quantity in earlier):
-            column, before = _parts(first.replace('"' + quantity + '.{joint}"', source))
-            both = ", ".join(part for part in (before, options) if part)
+            column, first_options = _parts(first.replace('"' + quantity + '.{joint}"', source))
+            both = ", ".join(part for part in (first_options, options) if part)
             out[key] = f"{{from: {column}, {both}}}" if both else column
     return out
 

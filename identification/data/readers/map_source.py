@@ -13,7 +13,7 @@ from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.files.settings_file import describe
 
 JOINT, NUMBER = "{joint}", "{number}"
-"""What stands for the name, or the number, of any joint in the name of a column."""
+"""Placeholders for the name and for the number of any joint in the name of a column."""
 COMPENSATED, LOW_PASS, LATE = "compensated", "low_pass", "late"
 """Keys of an entry that say what a controller or a recorder did to a torque."""
 ENTRY_KEYS = (COMPENSATED, LOW_PASS, LATE, "from", "unit", "sign", "counts", "gear", "offset")
@@ -60,8 +60,8 @@ def _factor(where: str, quantity: Quantity, source: _Source) -> float:
     if source.gear != 1 and quantity not in (*_TORQUES, *COUNTED):
         wanted = listed((*_TORQUES, *COUNTED))
         raise LogError(f"{where}.gear is for what has a motor's side ({wanted}): leave it out.")
-    through = source.gear if quantity in _TORQUES else 1 / source.gear
-    return through * _plain_factor(where, quantity, source)
+    gear_factor = source.gear if quantity in _TORQUES else 1 / source.gear
+    return gear_factor * _plain_factor(where, quantity, source)
 
 
 def _offset(where: str, quantity: Quantity, source: _Source) -> float:
@@ -72,11 +72,6 @@ def _offset(where: str, quantity: Quantity, source: _Source) -> float:
     if not abs(offset) <= LARGEST[quantity]:
         raise LogError(f"{where}.offset is {source.offset:g}, wanted the position at which the log has zero.")
     return offset
-
-
-def _source(where: str, quantity: Quantity, source: _Source) -> Source:
-    """An entry with its factor and offset in SI units, after all checks."""
-    return Source(source.name, _factor(where, quantity, source), _offset(where, quantity, source))
 
 
 def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
@@ -132,11 +127,13 @@ def source_of(file: str, key: str, value: Any) -> Source:
                 f"{where} is meant for every joint, but from is {shortened(source.name)!r}: put {JOINT} into it once, "
                 f"or {NUMBER}, or write {key}.<joint>."
             )
-        return _source(where, cast("Quantity", key), source)
-    if column is None:
+        quantity = cast("Quantity", key)
+    elif column is not None:
+        quantity = column.quantity
+    else:
         raise LogError(
             f"{where} is no column of a log: write t, f.<frame>.x/.y/.z, p.<frame>.x/.y/.z, "
             "o.<frame>.qx/.qy/.qz/.qw, w.<frame>.x/.y/.z, sf.<frame>.x/.y/.z, contact.<frame>, "
             f"or one of {', '.join(JOINT_QUANTITIES)} followed by .<joint>."
         )
-    return _source(where, column.quantity, source)
+    return Source(source.name, _factor(where, quantity, source), _offset(where, quantity, source))

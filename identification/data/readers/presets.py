@@ -103,7 +103,7 @@ def map_of(preset: Preset, raw: RawTable, joints: Sequence[str] | None) -> Colum
     sources: dict[str, Source] = {}
     for key, alternatives in preset.entries.items():
         for value in alternatives:
-            found = _found(label, raw, key.partition(".")[0], value)
+            found = _source_in_file(label, raw, key.partition(".")[0], value)
             if found is not None:
                 sources[_key(label, key, joints)] = found
                 break
@@ -135,7 +135,7 @@ def _key(label: str, key: str, joints: Sequence[str] | None) -> str:
     return key.replace(_ONLY, "1" if joints is None else joints[0])
 
 
-def _found(label: str, raw: RawTable, quantity: str, value: Any) -> Source | None:
+def _source_in_file(label: str, raw: RawTable, quantity: str, value: Any) -> Source | None:
     """The source of an entry; None if the file has no such column."""
     name = _name(value)
     if _TOPIC in name:
@@ -148,11 +148,11 @@ def _found(label: str, raw: RawTable, quantity: str, value: Any) -> Source | Non
         if not topics:
             return None
         name = name.replace(_TOPIC, topics[0])
-    several = "{" in name
-    if not (matching(name, raw.names) if several else name in raw.names):
+    for_all_joints = "{" in name
+    if not (matching(name, raw.names) if for_all_joints else name in raw.names):
         return None
     given = name if isinstance(value, str) else {**value, "from": name}
-    return source_of(label, quantity if several or quantity == "t" else f"{quantity}.joint", given)
+    return source_of(label, quantity if for_all_joints or quantity == "t" else f"{quantity}.joint", given)
 
 
 def _topics(name: str, names: Sequence[str]) -> list[str]:

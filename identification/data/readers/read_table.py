@@ -52,7 +52,6 @@ def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
                 f"{path} is a folder without metadata.yaml, so no ROS 2 bag, and without meta/info.json, so no LeRobot "
                 f"dataset: give a file ({LOG_FORMATS})."
             )
-
         return read_ros2_bag(path, topic, ref_topic)
     require_plain_file(path, LogError, f"a log ({LOG_FORMATS})")
     with path.open("rb") as file:
@@ -68,7 +67,6 @@ def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
         return read_npz(path)
     if start.startswith(b"PAR1"):
         return read_parquet(path)
-
     return read_delimited(path)
 
 
@@ -106,6 +104,7 @@ def read_raw(path: str | Path, *, topic: str | None = None, ref_topic: str | Non
 
 
 def _damaged(path: Path, error: Exception) -> str:
+    """Error message for a file that a library could not read."""
     reason = " ".join(str(error).split()).rstrip(".")[:160] or type(error).__name__
     return f"{path.name} is cut off or damaged ({reason}): record or copy it again; a log is {LOG_FORMATS}."
 
@@ -138,10 +137,10 @@ def read_table(
     """
     preset = None if columns is None else preset_of(columns)
     # The column map is checked before a long recording is read.
-    own_map = None if columns is None or preset is not None else read_column_map(columns)
-    if own_map is not None and joints is not None:
-        require_joints(own_map, (*joints, *other_joints))
-    by_user = own_map is not None
+    column_map = None if columns is None or preset is not None else read_column_map(columns)
+    if column_map is not None and joints is not None:
+        require_joints(column_map, (*joints, *other_joints))
+    by_user = column_map is not None
     path, *others = (path,) if isinstance(path, str | Path) else path
     raw = read_raw(path, topic=topic, ref_topic=ref_topic)
     if others:
@@ -149,12 +148,12 @@ def read_table(
     if preset is not None:
         raw = with_neighbours(Path(path), raw) if preset.name == "sage" else raw
         raw = replace(raw, documented_joint_orders=raw.documented_joint_orders or preset.documented_joint_orders)
-        own_map = map_of(preset, raw, joints)
-    elif own_map is None and raw.asks_units:
+        column_map = map_of(preset, raw, joints)
+    elif column_map is None and raw.asks_units:
         raise LogError(units_question(raw, joints))
-    elif own_map is None and (raw.numbered or raw.joint_names):
-        own_map = _numbers_of_quantities(raw)
-    table = contract_table(raw if own_map is None else mapped(raw, own_map, joints))
+    elif column_map is None and (raw.numbered or raw.joint_names):
+        column_map = _numbers_of_quantities(raw)
+    table = contract_table(raw if column_map is None else mapped(raw, column_map, joints))
     # Advice to change an entry names the file's columns only if the user wrote a map that can be changed.
     return table if by_user else replace(table, named={})
 
@@ -234,9 +233,14 @@ def table_of(path: Files, robot: Robot, columns: str | Path | None, topic: str |
     """
 
     def read(columns: str | Path | None) -> Table:
-        others = (*robot.passive_names, *robot.locked)
-        more = {"topic": topic, "ref_topic": ref_topic, "joints": robot.joint_names, "other_joints": others}
-        return read_table(path, columns=columns, **more)
+        return read_table(
+            path,
+            columns=columns,
+            topic=topic,
+            ref_topic=ref_topic,
+            joints=robot.joint_names,
+            other_joints=(*robot.passive_names, *robot.locked),
+        )
 
     try:
         return read(columns)

@@ -61,9 +61,10 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
         elif len(numbers) == 1:
             numbered.setdefault(quantity, {}).setdefault(numbers[0], name)
     beyond: list[str] = []
+    # An arm's log may have one more column, for the gripper. With more columns the assignment is not clear.
+    most_columns = len(joints) + (1 if len(joints) > 1 else 0)
     for quantity, columns in numbered.items():
-        # An arm's log may have one more column, for the gripper. With more columns the assignment is not clear.
-        if len(columns) - len(joints) in ((0, 1) if len(joints) > 1 else (0,)):
+        if len(joints) <= len(columns) <= most_columns:
             in_order = [columns[number] for number in sorted(columns)]
             for joint, name in zip(joints, in_order, strict=False):
                 found.setdefault((quantity, joint), name)

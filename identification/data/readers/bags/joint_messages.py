@@ -119,20 +119,20 @@ def _optional(joint: Any, name: str) -> float:
 def _low_state(message: Any) -> JointValues:
     motors = message.motor_state if hasattr(message, "motor_state") else message.motorState
     torque = "tau_est" if hasattr(motors[0], "tau_est") else "tauEst"
-    values = {key: _of_motors(motors, name) for key, name in (("q", "q"), ("v", "dq"), ("tau", torque))}
+    values = {key: _motor_values(motors, name) for key, name in (("q", "q"), ("v", "dq"), ("tau", torque))}
     # Newer motors have two temperatures; the second one is the winding's.
     values["temp"] = np.array([np.atleast_1d(motor.temperature)[-1] for motor in motors], dtype=float)
     tick = getattr(message, "tick", None)
     return JointValues((), values, None if not tick else int(tick) * 10**6, is_tick=True, base=base_of(message))
 
 
-def _of_motors(motors: Sequence[Any], name: str) -> Array:
+def _motor_values(motors: Sequence[Any], name: str) -> Array:
     return np.array([getattr(motor, name) for motor in motors], dtype=float)
 
 
 def _low_command(message: Any) -> JointValues:
     motors = message.motor_cmd if hasattr(message, "motor_cmd") else message.motorCmd
-    return JointValues((), {"q_ref": _of_motors(motors, "q")})
+    return JointValues((), {"q_ref": _motor_values(motors, "q")})
 
 
 def _trajectory(message: Any) -> JointValues:

@@ -116,7 +116,7 @@ def _require_rosbags(file: str) -> None:
         raise LogError(f"{file} is a bag. {missing_library('rosbags')}")
 
 
-def _opened(
+def _table_of_open_bag(
     file: str, reader: Any, store: Any, decode: Callable[[bytes, str], Any], topic: str | None, ref_topic: str | None
 ) -> RawTable:
     """The table of a bag that is open, with a warning on topics of references that are not read."""
@@ -153,12 +153,13 @@ def _require_ros(path: Path) -> None:
 
 
 def _require_distinct(file: str, topic: _Topic) -> None:
+    """Raise an error for a message that names a joint twice."""
     for k, message in enumerate(topic.messages):
         if len(set(message.names)) != len(message.names):
             raise LogError(f"{file}: message {k + 1} of {topic.name} names a joint twice: {listed(message.names)}.")
 
 
-def _of_main_joints(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str, ...]]:
+def _main_joint_messages(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str, ...]]:
     """Messages about one set of joints, the one with most values, and a warning on the others.
 
     For example, an arm and its gripper may share a topic.
@@ -173,7 +174,7 @@ def _of_main_joints(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str
     return kept, (sentence,) if dropped else ()
 
 
-def _field(file: str, topic: _Topic, messages: list[_Message], quantity: str) -> Array | None:
+def _quantity_values(file: str, topic: _Topic, messages: list[_Message], quantity: str) -> Array | None:
     """Values of one quantity, ``(N, joints)``, in the order of joints of the first message; None without values."""
     values = [message.joints.values.get(quantity, ()) for message in messages]
     lengths = np.array([len(one) for one in values])
@@ -237,12 +238,12 @@ def _table(file: str, states: _Topic, references: _Topic | None) -> RawTable:
     topic = states.name
     if not states.messages:
         raise LogError(f"{file} has no messages on {topic}: record it while the robot moves.")
-    messages, warnings = _of_main_joints(file, states)
+    messages, warnings = _main_joint_messages(file, states)
     names = messages[0].names
     fields = {
         quantity: values
         for quantity in JOINT_QUANTITIES
-        if (values := _field(file, states, messages, quantity)) is not None
+        if (values := _quantity_values(file, states, messages, quantity)) is not None
     }
     if not names and states.kind == JOINT_STATE:
         raise LogError(f"{file}: the messages of {topic} name no joints: the publisher must fill the field name.")
@@ -256,8 +257,8 @@ def _table(file: str, states: _Topic, references: _Topic | None) -> RawTable:
     if stamps is None and messages[0].joints.stamp is not None:
         which = "ticks" if messages[0].joints.is_tick else "header stamps"
         warnings += (f"{file}: the {which} of {topic} do not increase: the times of receipt were taken.",)
-    based = [message.joints.base for message in messages if message.joints.base is not None]
-    base, base_warnings = base_columns(file, based) if len(based) == len(messages) else ({}, ())
+    readings = [message.joints.base for message in messages if message.joints.base is not None]
+    base, base_warnings = base_columns(file, readings) if len(readings) == len(messages) else ({}, ())
     warnings += base_warnings
     times = received if stamps is None else stamps
     table = RawTable(
@@ -270,13 +271,12 @@ def _table(file: str, states: _Topic, references: _Topic | None) -> RawTable:
     )
     if references is None:
         return table
-    own_clock = stamps is None or messages[0].joints.is_tick
-    return with_references(
-        table, _reference(file, references, names, None if own_clock else int(times[0]), received, table.columns["t"])
-    )
+    # Ticks and times of receipt are not on the clock of the stamps of references.
+    start = None if stamps is None or messages[0].joints.is_tick else int(times[0])
+    return with_references(table, _sent_references(file, references, names, start, received, table.columns["t"]))
 
 
-def _reference(
+def _sent_references(
     file: str, references: _Topic, names: tuple[str, ...], start: int | None, received: Array, t: Array
 ) -> SentReferences:
     """References of a topic, with times on the clock of the states.
@@ -294,8 +294,8 @@ def _reference(
         raise LogError(
             f"{file}: the messages of {references.name} hold no references of positions: name another topic."
         )
-    messages, _ = _of_main_joints(file, replace(references, messages=messages))
-    values = _field(file, references, messages, "q_ref")
+    messages, _ = _main_joint_messages(file, replace(references, messages=messages))
+    values = _quantity_values(file, references, messages, "q_ref")
     assert values is not None  # messages without them were left out
     stamps = None if start is None else _stamps(messages, np.all(values[1:] == values[:-1], axis=1))
     if stamps is not None and start is not None:
@@ -329,7 +329,7 @@ def read_ros1_bag(path: Path, topic: str | None, ref_topic: str | None = None) -
     require_small_bag(path)
     store = get_typestore(Stores.ROS1_NOETIC)
     with Reader(path) as reader:
-        return _opened(path.name, reader, store, store.deserialize_ros1, topic, ref_topic)
+        return _table_of_open_bag(path.name, reader, store, store.deserialize_ros1, topic, ref_topic)
 
 
 def read_ros2_bag(path: Path, topic: str | None, ref_topic: str | None = None) -> RawTable:
@@ -346,4 +346,4 @@ def read_ros2_bag(path: Path, topic: str | None, ref_topic: str | None = None) -
             require_small_mcap(file)
     store = get_typestore(Stores.ROS2_HUMBLE)
     with Reader(path) as reader:
-        return _opened(path.name, reader, store, store.deserialize_cdr, topic, ref_topic)
+        return _table_of_open_bag(path.name, reader, store, store.deserialize_cdr, topic, ref_topic)
