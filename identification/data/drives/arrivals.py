@@ -24,7 +24,7 @@ from phantom_dyn.model.robot import Robot
 # Number of points within a frame over which a voltage is averaged.
 _FINE = 16
 # Possible arrival times of the reference, counted from the middle of the frame, as shares of the frame.
-_PARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
+_ARRIVALS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
 
     Args:
         recording: Recording whose loops were identified from its voltages.
-        robot: Gives the constants of the drives.
+        robot: The robot, with the constants of its drives.
         t: Uniform times [s], shape ``(N,)``.
         held: True if a drive holds each reference until the next one.
     """
@@ -63,13 +63,13 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
         torque_per_volt = per_volt(robot.actuators[j]) * np.interp(
             t, recording.t, np.broadcast_to(cold_share, recording.t.shape)
         )
-        means = np.array([_mean_voltage(loop, recording, t, j, part) for part in _PARTS])
+        means = np.array([_mean_voltage(loop, recording, t, j, one) for one in _ARRIVALS])
         arrival[:, j] = torque_per_volt * (means[-1] - means[0])
         if loop.dropped:
             # The mean over a frame of straight lines between readings: an eighth of each neighbour and three quarters.
             interpolated = np.convolve(_read_voltage(loop, recording, t, j), [0.125, 0.75, 0.125], "same")
-            middle = means[len(_PARTS) // 2]
-            deviation = means - middle - np.outer(_PARTS, means[-1] - means[0])
+            middle = means[len(_ARRIVALS) // 2]
+            deviation = means - middle - np.outer(_ARRIVALS, means[-1] - means[0])
             largest = np.argmax(np.abs(deviation), axis=0)
             sign = np.sign(deviation[largest, np.arange(len(t))])
             torque[1:-1, j] = (torque_per_volt * (middle - interpolated))[1:-1]
@@ -85,7 +85,7 @@ def _read_voltage(loop: DriveLoop, recording: Recording, t: Float[Array, " N"], 
 
 
 def _mean_voltage(
-    loop: DriveLoop, recording: Recording, t: Float[Array, " N"], j: int, part: float
+    loop: DriveLoop, recording: Recording, t: Float[Array, " N"], j: int, arrival: float
 ) -> Float[Array, " N"]:
     """Computed voltage, averaged over the frame around each time, shape ``(N,)``.
 
@@ -94,14 +94,14 @@ def _mean_voltage(
         recording: Recording with references and motion.
         t: Uniform times [s], one frame apart.
         j: Index of the joint.
-        part: Arrival time of references, one of `_PARTS`.
+        arrival: Arrival time of references, one of `_ARRIVALS`.
     """
     assert recording.q_ref is not None
     frame = float((t[-1] - t[0]) / max(len(t) - 1, 1))
     out = np.zeros(len(t))
     for k in range(_FINE):
         times = t + frame * ((k + 0.5) / _FINE - 0.5)
-        sent = np.searchsorted(recording.t, times - loop.delay - (part - 0.5) * frame + 1e-9, side="right") - 1
+        sent = np.searchsorted(recording.t, times - loop.delay - (arrival - 0.5) * frame + 1e-9, side="right") - 1
         reference = recording.q_ref[np.clip(sent, 0, None), j]
         out += loop.output_at(reference - np.interp(times, recording.t, recording.q[:, j])) / _FINE
     return out

@@ -8,7 +8,7 @@ delay of the record and a low pass are undone before anything is added.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -24,7 +24,7 @@ def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:
 
     Args:
         table: Table with the compensation that the column map states.
-        robot: Gives the joints.
+        robot: The robot, which defines the order of the joints.
         part: ``gravity`` or ``friction``.
 
     Raises:
@@ -48,9 +48,15 @@ def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str
 def as_they_acted(
     table: Table, robot: Robot, tau: Float[Array, "N nv"]
 ) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
-    """Torques without the delay and the low pass of their recorder, and sentences that say what was taken back.
+    """Torques without the delay and the low pass of their recorder, and sentences that say what was undone.
 
-    Args and errors are those of `before_low_pass`.
+    Args:
+        table: Table with the delays and low passes that the column map states.
+        robot: The robot, which defines the order of the joints.
+        tau: Drive torques as recorded [N m or N], shape ``(N, nv)``.
+
+    Raises:
+        LogError: If the column map names a joint that the robot does not have.
     """
     tau, shifted = in_time(table, robot, tau)
     tau, unfiltered = before_low_pass(table, robot, tau)
@@ -64,23 +70,17 @@ def in_time(table: Table, robot: Robot, tau: Float[Array, "N nv"]) -> tuple[Floa
 
     Args:
         table: Table with the times that the column map states.
-        robot: Gives the joints.
+        robot: The robot, which defines the order of the joints.
         tau: Drive torques as recorded [N m or N], shape ``(N, nv)``.
 
     Raises:
         LogError: If the column map names a joint that the robot does not have.
     """
     _require_joints(table, robot, table.late, "was recorded late")
-    out, shifted, t = tau.copy(), [], table.columns["t"]
-    for j, joint in enumerate(robot.joint_names):
-        seconds = table.late.get(joint, table.late.get(""))
-        if seconds is not None and np.ptp(tau[:, j]) > 0:
-            out[:, j] = np.interp(t + seconds, t, tau[:, j])
-            shifted.append(f"{1e3 * seconds:g} ms of {joint}")
-    if not shifted:
-        return tau, ()
-    sentence = f"{table.file}: the torque was taken earlier by {', '.join(shifted)}, as the column map says."
-    return read_only(out), (sentence,)
+    t = table.columns["t"]
+    out, late = _changed_columns(robot, tau, table.late, lambda x, seconds: np.interp(t + seconds, t, x))
+    words = ", ".join(f"{1e3 * seconds:g} ms of {joint}" for joint, seconds in late.items())
+    return out, (f"{table.file}: the torque was taken earlier by {words}, as the column map says.",) if late else ()
 
 
 def before_low_pass(
@@ -92,31 +92,48 @@ def before_low_pass(
 
     Args:
         table: Table with the low passes that the column map states.
-        robot: Gives the joints.
+        robot: The robot, which defines the order of the joints.
         tau: Drive torques as recorded [N m or N], shape ``(N, nv)``.
 
     Raises:
         LogError: If the column map names a joint that the robot does not have.
     """
     _require_joints(table, robot, table.low_pass, "went through a low pass")
-    if not table.low_pass:
-        return tau, ()
-    out, inverted = tau.copy(), []
+    t = table.columns["t"]
+
+    def inverted(x: Float[Array, " N"], hertz: float) -> Float[Array, " N"]:
+        return x + CubicSpline(t, x)(t, 1) / (2 * np.pi * hertz)
+
+    out, edges = _changed_columns(robot, tau, table.low_pass, inverted)
+    words = ", ".join(f"{hertz:g} Hz of {joint}" for joint, hertz in edges.items())
+    return out, (f"{table.file}: the low pass at {words} was taken back, as the column map says.",) if edges else ()
+
+
+def _changed_columns(
+    robot: Robot,
+    tau: Float[Array, "N nv"],
+    stated: Mapping[str, float],
+    change: Callable[[Float[Array, " N"], float], Float[Array, " N"]],
+) -> tuple[Float[Array, "N nv"], dict[str, float]]:
+    """Torques with changed columns, read-only, and the number that was used for each changed joint.
+
+    Args:
+        robot: The robot, which defines the order of the joints.
+        tau: Drive torques [N m or N].
+        stated: Number of each joint; an empty name means all other joints.
+        change: Function from a torque that is not constant and the joint's number to the new torque.
+    """
+    out, used = tau.copy(), dict[str, float]()
     for j, joint in enumerate(robot.joint_names):
-        hertz = table.low_pass.get(joint, table.low_pass.get(""))
-        if hertz is None or np.ptp(tau[:, j]) == 0:
-            continue
-        t = table.columns["t"]
-        out[:, j] += CubicSpline(t, tau[:, j])(t, 1) / (2 * np.pi * hertz)
-        inverted.append(f"{hertz:g} Hz of {joint}")
-    if not inverted:
-        return tau, ()
-    sentence = f"{table.file}: the low pass at {', '.join(inverted)} was taken back, as the column map says."
-    return read_only(out), (sentence,)
+        number = stated.get(joint, stated.get(""))
+        if number is not None and np.ptp(tau[:, j]) > 0:
+            out[:, j] = change(tau[:, j], number)
+            used[joint] = number
+    return (read_only(out), used) if used else (tau, used)
 
 
 def put_back_sentences(table: Table, robot: Robot) -> tuple[str, ...]:
-    """Warnings that the model's gravity or friction is added to torques, which hides errors of the model in it."""
+    """Warnings that the modelled gravity or friction is added to torques, so that errors of either may be hidden."""
     no_gravity, no_friction = (joints_without(table, robot, part) for part in ("gravity", "friction"))
     modelled = dict(zip(robot.joint_names, robot.viscous_friction + robot.coulomb_friction, strict=True))
     with_modelled_friction = tuple(joint for joint in no_friction if modelled[joint] > 0)

@@ -114,7 +114,7 @@ def voltage_slowing(table: Table, robot: Robot, torque_from: Mapping[str, str]) 
 
     Args:
         table: Columns under their standard names.
-        robot: Gives the constants of its drives.
+        robot: The robot, with the constants of its drives.
         torque_from: For each joint, the quantity from which its torque was computed, see `torque_sources`.
 
     Returns:
@@ -173,7 +173,7 @@ def torque_sources(table: Table, joints: Iterable[str]) -> dict[str, str]:
     return {joint: quantities[0] for joint, quantities in found.items() if quantities}
 
 
-def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"] | None:
+def _torque_of_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"] | None:
     """Torque of one joint; None if there is no column for it, zeros if its drive is unknown or if it has no drive."""
     if not actuator.drive_known:
         return np.zeros(len(table.columns["t"]))
@@ -207,7 +207,7 @@ def drive_torque(
 
     Args:
         table: Columns under their standard names.
-        robot: Gives the joints and the constants of its drives.
+        robot: The robot, with its joints and the constants of its drives.
         torque_needed: If False, the torque is None when a joint has none.
 
     Raises:
@@ -215,11 +215,11 @@ def drive_torque(
             torque is missing, or if the torque of every joint is zero.
     """
     pairs = list(zip(robot.joint_names, robot.actuators, strict=True))
-    found = {joint: _one_joint(table, joint, actuator) for joint, actuator in pairs}
+    found = {joint: _torque_of_joint(table, joint, actuator) for joint, actuator in pairs}
     missing = [joint for joint, values in found.items() if values is None]
     if missing and torque_needed:
-        kind = LogError if torque_sources(table, robot.joint_names) else NoTorqueError
-        raise kind(_missing(table, missing, all_missing=len(missing) == len(found)))
+        error_type = LogError if torque_sources(table, robot.joint_names) else NoTorqueError
+        raise error_type(_missing(table, missing, all_missing=len(missing) == len(found)))
     if missing:
         sentence = f"{table.file}: without torque of {', '.join(missing)}, the torque is not used."
         return None, (sentence,) if len(missing) < len(found) else ()
@@ -248,7 +248,7 @@ def external_torque(
     r"""Joint torque :math:`\sum J^T f` of external forces [N m or N], shape ``(N, nv)``.
 
     Args:
-        robot: Gives frames and loops.
+        robot: The robot, with its frames and loops.
         q: Joint positions [rad or m], shape ``(N, nv)``.
         forces: For each frame, the force on the robot at its origin [N], world axes, shape ``(N, 3)``.
 
@@ -270,7 +270,7 @@ def require_frames(robot: Robot, frames: Iterable[str], quantity: str = "f") -> 
     """Raise an error if a quantity was measured at a frame that the robot does not have.
 
     Args:
-        robot: Gives the frames.
+        robot: The robot, with its frames.
         frames: Names of frames.
         quantity: ``f`` for a force, ``p`` for measured positions, ``o`` for orientations.
 
@@ -316,7 +316,7 @@ def computed_from_references(
 
     Args:
         table: Columns under their standard names.
-        robot: Gives the constants of the drives.
+        robot: The robot, with the constants of its drives.
         loops: Position loop of each joint's drive, or None.
         torque_from: For each joint, the quantity from which its torque was computed.
 
