@@ -40,7 +40,7 @@ def torque_per_base_error(robot: Robot, log: Log, motion: Motion) -> Mapping[str
 
     Args:
         robot: The given model.
-        log: Gives the frames of the sensors.
+        log: The log, with the frames of the sensors.
         motion: Motion of the log, or a part of it.
     """
     slopes = torque_jacobian_of_base(robot, motion)
@@ -86,15 +86,14 @@ def _corrections(robot: Robot, log: Log, motion: Motion) -> dict[str, Float[Arra
         centripetal = np.cross(w_change, np.cross(w, lever)) + np.cross(w, np.cross(w_change, lever))
         return np.hstack([w_change, dw_change, force_change - np.cross(dw_change, lever) - centripetal])
 
+    def along(x: Array, direction: Array) -> Array:
+        """Component of vectors along an axis of a sensor, which is repeated in every row of ``direction``."""
+        return (x @ direction[0])[:, None] * direction
+
     out = {}
     for k, axis in enumerate("xyz"):
         of_gyroscope, of_accelerometer = (np.tile(axes[:, k], (len(w), 1)) for axes in (gyroscope, accelerometer))
         unit = np.tile(np.eye(3)[k], (len(w), 1))
-
-        def along(x: Array, direction: Array) -> Array:
-            """Component of vectors along an axis of a sensor."""
-            return (x @ direction[0])[:, None] * direction
-
         out[f"accelerometer offset {axis}"] = base_change(none, none, of_accelerometer)
         out[f"accelerometer scale {axis}"] = base_change(none, none, along(force, of_accelerometer))
         out[f"gyroscope offset {axis}"] = base_change(of_gyroscope, none, none)

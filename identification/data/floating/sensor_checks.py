@@ -1,8 +1,9 @@
 """Checks the sensors on a floating base, and the columns that state contacts.
 
-Three facts are used. Over a second the base gains hardly any speed, so the magnitude of the mean specific force equals
-gravity. Gravity has a constant direction in the world, so in the axes of the base it turns with the angular velocity of
-the gyroscope. No contact force acts on a leg in the air, so the model predicts its torques better than on the ground.
+- Over a second the base gains hardly any speed, so the magnitude of the mean specific force equals gravity.
+- Gravity has a constant direction in the world. In the axes of the base, it therefore turns with the angular velocity
+  of the gyroscope, in the opposite direction.
+- No contact force acts on a leg in the air, so the model predicts its torques better than on the ground.
 """
 
 from __future__ import annotations

@@ -42,12 +42,12 @@ def stance_words(recording: Recording, robot: Robot) -> str:
     untouched = 0
     for k, row in enumerate(rows):
         frames = [frame for frame, one in touches.items() if one[row]]
-        held = (
+        in_contact = (
             np.any([carrying_joints(robot, frame) for frame in frames], axis=0) if frames else np.zeros(robot.nv, bool)
         )
-        untouched += int((~held).sum())
+        untouched += int((~in_contact).sum())
         if frames:
-            used = np.concatenate([np.ones(6, dtype=bool), held])
+            used = np.concatenate([np.ones(6, dtype=bool), in_contact])
             null_space = contact_null_space(robot, motion.q[row], frames, used)
             residuals.append(null_space.T @ (given[k] - needed[k])[used])
             modelled.append(null_space.T @ needed[k][used])

@@ -1,6 +1,6 @@
-"""Finds the samples at which no contact force acts on a joint of a robot with a floating base.
+"""Finds the samples of a robot with a floating base at which no contact force acts on a joint.
 
-Only at these samples the joint can be diagnosed.
+A joint can be diagnosed only at these samples.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ def touched_rows(recording: Recording, robot: Robot, t: Float[Array, " N"]) -> B
     return out
 
 
-def _extended(true: Bool[Array, " N"], reach: float) -> Bool[Array, " N"]:
-    """True within ``reach`` samples of a True."""
-    return ndimage.maximum_filter1d(true, 2 * max(1, round(reach)) + 1, axis=0)
+def _extended(flags: Bool[Array, " N"], reach: float) -> Bool[Array, " N"]:
+    """True for samples at most ``reach`` samples from a True, and at least for its neighbours."""
+    return ndimage.maximum_filter1d(flags, 2 * max(1, round(reach)) + 1, axis=0)
 
 
 def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: float) -> float | None:
@@ -72,7 +72,7 @@ def band_of_swings(recordings: Sequence[Recording], robot: Robot, moving_hz: flo
         if touched is None or not touched.any():
             continue
         for column in touched.T:
-            # The lengths of runs of False, as every second change from the padded start ends a swing.
+            # Edges are in turn the start and the end of a swing.
             edges = np.flatnonzero(np.diff(np.concatenate([[True], column, [True]])))
             lengths += (step * np.diff(edges)[::2]).tolist()
     if not lengths:
