@@ -2,8 +2,9 @@
 
 Each folder of recordings is one robot. The order of the recordings' names is their order in time. A size is a parameter
 of a finding. If a recording lacks a finding that occurs elsewhere in the fleet, its size is zero, with the standard
-deviation of the recordings with this finding. The recording is left out instead if it has another finding on the same
-joint that never occurs together with the missing finding, because the other finding may replace the missing one.
+deviation of the recordings with this finding. There is an exception: backlash of a joint, for example, may have been
+found in the place of compliance. A recording is left out if it has another finding on the same joint that never occurs
+together with the missing one.
 
 A robot differs if its mean size differs significantly from the mean sizes of the other robots (Student's t-test of one
 new value, 5 % over all robots and sizes, at least three other robots).

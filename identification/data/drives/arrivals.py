@@ -69,6 +69,7 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
             # The mean over a frame of straight lines between readings: an eighth of each neighbour and three quarters.
             interpolated = np.convolve(_read_voltage(loop, recording, t, j), [0.125, 0.75, 0.125], "same")
             middle = means[len(_ARRIVALS) // 2]
+            # The part of the mean voltage that is not linear in the arrival time.
             deviation = means - middle - np.outer(_ARRIVALS, means[-1] - means[0])
             largest = np.argmax(np.abs(deviation), axis=0)
             sign = np.sign(deviation[largest, np.arange(len(t))])

@@ -240,14 +240,12 @@ def _lines(names: Sequence[str], joints: Sequence[str] | None) -> list[str]:
         parts = {name: _joint_and_kind(name[start:], quantity) for name in columns}
         known = {joint for joint, _ in parts.values()}
         positions = [name for name, (_, kind) in parts.items() if kind == quantity]
-        by_order = joints is not None and not known & set(joints) and len(positions) == len(joints)
+        joint_by_order: dict[str, str] = {}
+        if joints is not None and not known & set(joints) and len(positions) == len(joints):
+            joint_by_order = dict(zip(positions, joints, strict=True))
         for name, (joint, kind) in parts.items():
-            if kind is None:
-                continue
-            named_joint = (
-                joints[positions.index(name)] if by_order and joints is not None and name in positions else joint
-            )
-            lines.append(_line(kind, named_joint, name, joints))
+            if kind is not None:
+                lines.append(_line(kind, joint_by_order.get(name, joint), name, joints))
     return lines
 
 
