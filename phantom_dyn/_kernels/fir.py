@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from phantom_dyn.array_types import Array
@@ -29,16 +31,16 @@ def filtered(kernel: Array, x: Array, step: int) -> Array:
         shape ``(n, k)``: those for which the whole kernel is inside ``x``.
     """
     taps = len(kernel)
-    count = max(0, -(-(len(x) - taps + 1) // step))
+    count = len(range(0, len(x) - taps + 1, step))
     out = np.empty((count, x.shape[1]))
     if not count:
         return out
     rows = max(1, min(_LARGEST_BLOCK, taps // step))
-    # A block needs more input samples than the distance ``length`` from block to block, so that its samples are divided
-    # into pieces of this length. The first pieces of all blocks are then rows of one matrix, without a copy, and so are
-    # the second ones. There is one matrix product for each piece.
-    length, blocks = rows * step, -(-count // rows)
-    pieces = -(-(length - step + taps) // length)
+    # Blocks begin ``length`` input samples apart. A block needs more input samples than this, so they are divided into
+    # pieces of ``length`` samples. The first pieces of all blocks are the rows of one matrix, without a copy, and so
+    # are the second pieces: there is one matrix product for each piece.
+    length, blocks = rows * step, math.ceil(count / rows)
+    pieces = math.ceil((length - step + taps) / length)
     shifted_kernels = np.zeros((pieces * length, rows))
     for row in range(rows):
         shifted_kernels[row * step : row * step + taps, row] = kernel

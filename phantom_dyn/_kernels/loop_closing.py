@@ -108,11 +108,11 @@ def anchors_of(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays
 
 @fused
 def close_loops(
-    tree: AnchoredTree, S: Array, offset: Array, limits: Limits, q: Array, begin: Array, closed: Closed, first: int
+    tree: AnchoredTree, S: Array, offset: Array, limits: Limits, q: Array, begin: Array, closed: Closed
 ) -> int:
-    """Write the unknowns of samples ``first`` to N, each found by steps on the straight line from the sample before.
+    """Write the unknowns of N samples, each found by steps on the straight line from the sample before.
 
-    A step is halved if it is too long, or if Newton's method fails or changes the linear prediction too much; after a
+    A step is halved if it is too long, or if Newton's method fails or changes the linear prediction too much. After a
     successful step its length is doubled.
 
     Args:
@@ -122,19 +122,17 @@ def close_loops(
         limits: When to stop.
         q: Active positions, ``(N, nv)``.
         begin: Active positions of the known solution from which the first step starts, ``(nv,)``.
-        closed: Output: the solutions. Its row ``first - 1``, which is the last row if ``first`` is 0, holds the known
-            solution.
-        first: Index of the first sample to solve.
+        closed: Output: the solutions. Its last row holds the known solution.
 
     Returns:
         The first sample at which the loops were not closed, N if there is none.
     """
     z, slopes, inverses = closed
     N, nv, nz = len(q), q.shape[1], z.shape[1]
-    start, way, target, unknown, trial = begin.copy(), np.empty(nv), np.empty(nv), z[first - 1].copy(), np.empty(nz)
-    slope, inverse = slopes[first - 1].copy(), inverses[first - 1].copy()
+    start, way, target, unknown, trial = begin.copy(), np.empty(nv), np.empty(nv), z[-1].copy(), np.empty(nz)
+    slope, inverse = slopes[-1].copy(), inverses[-1].copy()
     next_slope, next_inverse = slope.copy(), inverse.copy()
-    for k in range(first, N):
+    for k in range(N):
         # Shares of the way to sample k: the part that is done, and the length of the next step.
         done, part = 0.0, 1.0
         for j in range(nv):
@@ -161,6 +159,7 @@ def close_loops(
                 done, part = done + part, 2 * part
                 continue
             part /= 2
+            # A step that is only too long is halved further. The negated comparison is true for NaN, too.
             if part < limits.shortest and not longest >= limits.reach:
                 return k
         start[:] = q[k]

@@ -110,7 +110,7 @@ def write_tree_state(
     # For a position that is NaN or infinite, `close_loops` would halve its steps without an end.
     if not np.isfinite(loops.wanted).all():
         return False
-    if close_loops(loops.tree, S, offset, loops.limits, loops.wanted, loops.q, loops.last, 0) == 0:
+    if close_loops(loops.tree, S, offset, loops.limits, loops.wanted, loops.q, loops.last) == 0:
         return False
     loops.q[:] = loops.wanted[0]
     z[1], slopes[1], inverses[1] = z[0], slopes[0], inverses[0]

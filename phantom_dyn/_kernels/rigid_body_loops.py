@@ -42,7 +42,7 @@ class FramePoses(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Work arrays of a loop for one sample. They are made outside of the loop, because compiling this takes long.
+    """Work arrays of a loop for one sample. Python makes them, because numba takes long to compile their creation.
 
     Attributes:
         R: Rotation of each joint in the root frame, the root first, ``(n, 3, 3)``.

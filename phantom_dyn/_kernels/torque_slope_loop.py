@@ -27,7 +27,8 @@ class SlopeWorkspace(NamedTuple):
 
     Attributes:
         s: Motion of each joint per unit of its velocity, ``(nt, 6)``.
-        once, twice: ``v x s`` and half of ``a x s + v x (v x s)`` of each joint, ``(nt, 6)``.
+        velocity_change: ``v x s`` of each joint, ``(nt, 6)``.
+        half_acceleration_change: Half of ``a x s + v x (v x s)`` of each joint, ``(nt, 6)``.
         v, a: Velocity and acceleration of each body, the root first, ``(n, 6)``.
         f: Force on all bodies that a joint carries, ``(n, 6)``.
         flow: Sums of ``m u`` and ``m u r^T`` over all bodies that a joint carries, ``(n, 12)``.
@@ -36,8 +37,8 @@ class SlopeWorkspace(NamedTuple):
     """
 
     s: Array
-    once: Array
-    twice: Array
+    velocity_change: Array
+    half_acceleration_change: Array
     v: Array
     a: Array
     f: Array
@@ -48,10 +49,10 @@ class SlopeWorkspace(NamedTuple):
 def slope_workspace_of(tree: Kinematics, gravity: Array) -> SlopeWorkspace:
     """Work arrays for one sample of a tree, whose root is fixed under this gravity [m/s2]."""
     n = len(tree.parents)
-    s, once, twice = np.zeros((3, n - 1, 6))
+    s, velocity_change, half_acceleration_change = np.zeros((3, n - 1, 6))
     v, a, f = np.zeros((3, n, 6))
     a[0, :3] = -gravity
-    return SlopeWorkspace(s, once, twice, v, a, f, np.zeros((n, 12)), np.zeros((3, 6)))
+    return SlopeWorkspace(s, velocity_change, half_acceleration_change, v, a, f, np.zeros((n, 12)), np.zeros((3, 6)))
 
 
 @fused
@@ -82,11 +83,11 @@ def torque_slope_loop(
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
     R, o, _, _, _, lin, ang, _, _, whole = workspace
-    s, once, twice, speed, gain, f, flow, force = slope_workspace
+    s, velocity_change, half_acceleration_change, velocity, acceleration, f, flow, force = slope_workspace
     n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
-        set_root(root, k, speed, gain, gain, 3)
+        set_root(root, k, velocity, acceleration, acceleration, 3)
         for i in range(1, n):
             p, d = parents[i], first_v[i]
             x, y, z = cross(o[i, 0], o[i, 1], o[i, 2], ang[d, 0], ang[d, 1], ang[d, 2])
@@ -94,14 +95,14 @@ def torque_slope_loop(
             for c in range(3):
                 s[d, 3 + c] = ang[d, c]
             for c in range(6):
-                once[d, c] = twice[d, c] = 0.0
-            add_crossed(speed, p, s, d, once)
-            add_crossed(gain, p, s, d, twice)
-            add_crossed(speed, p, once, d, twice)
+                velocity_change[d, c] = half_acceleration_change[d, c] = 0.0
+            add_crossed(velocity, p, s, d, velocity_change)
+            add_crossed(acceleration, p, s, d, half_acceleration_change)
+            add_crossed(velocity, p, velocity_change, d, half_acceleration_change)
             for c in range(6):
-                twice[d, c] *= 0.5
-                speed[i, c] = speed[p, c] + s[d, c] * v[k, d]
-                gain[i, c] = gain[p, c] + s[d, c] * a[k, d] + once[d, c] * v[k, d]
+                half_acceleration_change[d, c] *= 0.5
+                velocity[i, c] = velocity[p, c] + s[d, c] * v[k, d]
+                acceleration[i, c] = acceleration[p, c] + s[d, c] * a[k, d] + velocity_change[d, c] * v[k, d]
             # Parameters of the body about the origin of the root, computed in the row of the root, which has no body.
             for c in range(10):
                 whole[0, c], whole[i, c] = 0.0, inertias[i, c]
@@ -109,12 +110,12 @@ def torque_slope_loop(
             hand_over(whole, i, 0, o[i, 0], o[i, 1], o[i, 2])
             for c in range(10):
                 whole[i, c] = whole[0, c]
-            stir(whole, i, speed, flow)
-            push(whole, flow, i, speed, gain, i, f, i)
+            write_flow(whole, i, velocity, flow)
+            write_force(whole, flow, i, velocity, acceleration, i, f, i)
         for i in range(n - 1, 0, -1):
             p, d = parents[i], first_v[i]
-            push(whole, flow, i, once, twice, d, force, 0)
-            push(whole, flow, i, s, once, d, force, 1)
+            write_force(whole, flow, i, velocity_change, half_acceleration_change, d, force, 0)
+            write_force(whole, flow, i, s, velocity_change, d, force, 1)
             # The force on the carried bodies turns with the joint, which changes the torque of the joints before it.
             for c in range(6):
                 force[0, c], force[1, c] = 2.0 * force[0, c], 2.0 * force[1, c]
@@ -132,10 +133,11 @@ def torque_slope_loop(
                 for c in range(6):
                     by_q += s[e, c] * force[0, c]
                     by_v += s[e, c] * force[1, c]
-                    on_q += force[2, c] * twice[e, c]
-                    on_v += force[2, c] * once[e, c]
+                    on_q += force[2, c] * half_acceleration_change[e, c]
+                    on_v += force[2, c] * velocity_change[e, c]
                 out[0, d, e, k], out[1, d, e, k] = by_q, by_v
-                out[0, e, d, k] = 2.0 * (on_q + dot(x, y, z, once[e, 3], once[e, 4], once[e, 5]))
+                turn_x, turn_y, turn_z = velocity_change[e, 3], velocity_change[e, 4], velocity_change[e, 5]
+                out[0, e, d, k] = 2.0 * (on_q + dot(x, y, z, turn_x, turn_y, turn_z))
                 out[1, e, d, k] = 2.0 * (on_v + dot(x, y, z, ang[e, 0], ang[e, 1], ang[e, 2]))
                 j = parents[j]
             for c in range(10):
@@ -183,7 +185,7 @@ def inertia_times(whole: Array, i: int, motion: Array, d: int, out: Array, row: 
 
 
 @inlined
-def push(whole: Array, flow: Array, i: int, turning: Array, motion: Array, d: int, out: Array, row: int) -> None:
+def write_force(whole: Array, flow: Array, i: int, turning: Array, motion: Array, d: int, out: Array, row: int) -> None:
     """Write to ``out[row]`` the force of `inertia_times` plus forces ``m w x u``; ``turning[d]`` contains ``w``."""
     inertia_times(whole, i, motion, d, out, row)
     wx, wy, wz = turning[d, 3], turning[d, 4], turning[d, 5]
@@ -196,10 +198,11 @@ def push(whole: Array, flow: Array, i: int, turning: Array, motion: Array, d: in
 
 
 @inlined
-def stir(whole: Array, i: int, speed: Array, flow: Array) -> None:
+def write_flow(whole: Array, i: int, velocity: Array, flow: Array) -> None:
     """Write the sums of ``m u`` and ``m u r^T`` of body ``i`` alone to ``flow[i]``."""
     m, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
-    ux, uy, uz, wx, wy, wz = speed[i, 0], speed[i, 1], speed[i, 2], speed[i, 3], speed[i, 4], speed[i, 5]
+    ux, uy, uz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
+    wx, wy, wz = velocity[i, 3], velocity[i, 4], velocity[i, 5]
     x, y, z = cross(wx, wy, wz, hx, hy, hz)
     flow[i, 0], flow[i, 1], flow[i, 2] = m * ux + x, m * uy + y, m * uz + z
     # Sums of m r r^T are half the trace of the inertia times the identity, minus the inertia.

@@ -52,10 +52,12 @@ def assembled(model: pin.Model, chain: ClosedChain, config: Path) -> ClosedChain
 
 
 def _closed(error: Float[Array, " m"]) -> bool:
+    """True if the frames of every anchor coincide."""
     return bool(np.abs(error).max() <= CLOSED)
 
 
 def _rank(slope: Float[Array, "m n"]) -> int:
+    """Number of singular values above the share `SINGULAR` of the largest one."""
     values = np.linalg.svd(slope, compute_uv=False)
     return int((values > SINGULAR * values[0]).sum()) if values[0] > 0 else 0
 

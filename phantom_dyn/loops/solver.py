@@ -112,10 +112,7 @@ def solve(
         G = np.broadcast_to(S, (len(q), *S.shape))
         return Solution(q @ S.T + chain.offset, G, np.zeros((len(q), 0, 0)))
     at = constraints_of(model, chain.anchors)
-    begin = chain.start if near is None else near
-    state = _newton(chain, at, begin[list(chain.active)], begin[list(chain.unknowns)])
-    if state is None:
-        raise ChainError(_why(chain, at, begin[list(chain.active)], begin[list(chain.unknowns)], "the start"))
+    state = _start_state(chain, at, chain.start if near is None else near)
     _require_finite(q)
     z, slopes, inverses = _followed(chain, at, state, q, anchors_of(model, chain.anchors, arrays))
     found = Solution(np.hstack([q, z]) @ S.T + chain.offset, S[:, :nv] + S[:, nv:] @ slopes, inverses)
@@ -137,7 +134,7 @@ def _require_finite(q: Float[Array, "N nv"]) -> None:
 def _followed(
     chain: ClosedChain, at: Constraints, state: _State, q: Float[Array, "N nv"], tree: AnchoredTree
 ) -> tuple[Float[Array, "N nz"], Float[Array, "N nz nv"], Float[Array, "N nz m"]]:
-    """The arrays of `Closed` for a trajectory whose first sample is searched from ``state``."""
+    """Solutions along a trajectory, as arrays of `Closed`; the search for the first sample starts from ``state``."""
     rows = len(q) + 1
     z, slopes = np.empty((rows, *state.z.shape)), np.empty((rows, *state.slope.shape))
     inverses = np.empty((rows, *state.inverse.shape))
@@ -145,7 +142,7 @@ def _followed(
     z[-1], slopes[-1], inverses[-1] = state.z, state.slope, state.inverse
     announce(close_loops)
     closed = Closed(z, slopes, inverses)
-    k = close_loops(tree, chain.linear_map, chain.offset, _LIMITS, ready(q), ready(state.q), closed, 0)
+    k = close_loops(tree, chain.linear_map, chain.offset, _LIMITS, ready(q), ready(state.q), closed)
     if k < len(q):
         raise ChainError(_why(chain, at, q[k], z[k - 1], f"sample {k}"))
     return z[:-1], slopes[:-1], inverses[:-1]
@@ -161,13 +158,9 @@ def loop_closure_of(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) ->
     """
     if not chain.anchors:
         return None
-    at = constraints_of(model, chain.anchors)
-    q, z = chain.start[list(chain.active)], chain.start[list(chain.unknowns)]
-    state = _newton(chain, at, q, z)
-    if state is None:
-        raise ChainError(_why(chain, at, q, z, "the start"))
+    state = _start_state(chain, constraints_of(model, chain.anchors), chain.start)
     started = Closed(*(ready(part[None]) for part in (state.z, state.slope, state.inverse)))
-    return initial_loop_closure(anchors_of(model, chain.anchors, arrays), chain.linear_map, _LIMITS, q, started)
+    return initial_loop_closure(anchors_of(model, chain.anchors, arrays), chain.linear_map, _LIMITS, state.q, started)
 
 
 def closed_each(
@@ -192,7 +185,7 @@ def closed_each(
         if loops is not None and np.isfinite(posture).all():
             rewind(loops)
             loops.wanted[0] = posture
-            if close_loops(loops.tree, loops.linear_map, offset, _LIMITS, loops.wanted, loops.q, loops.last, 0):
+            if close_loops(loops.tree, loops.linear_map, offset, _LIMITS, loops.wanted, loops.q, loops.last):
                 out[k] = loops.last.inverses[0]
     return out
 
@@ -258,6 +251,19 @@ def drift(
     tree, to_tree = anchors_of(model, chain.anchors, arrays), ready(chain.linear_map[:, chain.nv :])
     drift_loop(tree, to_tree, ready(solution.x), ready(v), ready(solution.inverse), out)
     return out
+
+
+def _start_state(chain: ClosedChain, at: Constraints, begin: Float[Array, " nt"]) -> _State:
+    """The solution at the positions ``begin`` of the tree.
+
+    Raises:
+        ChainError: If the loops cannot be closed there, or are singular.
+    """
+    q, z = begin[list(chain.active)], begin[list(chain.unknowns)]
+    state = _newton(chain, at, q, z)
+    if state is None:
+        raise ChainError(_why(chain, at, q, z, "the start"))
+    return state
 
 
 def _newton(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]) -> _State | None:
