@@ -13,7 +13,7 @@ import numpy as np
 
 from phantom_dyn._kernels import rigid_body
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.dynamics.tree_motion import TreeMotion, passive_friction, project, tree_motion
+from phantom_dyn.dynamics.tree_motion import TreeMotion, passive_friction, project, tree_at_rest, tree_motion
 from phantom_dyn.errors import LogError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -188,8 +188,7 @@ def gravity_torque(
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
-    zeros = np.zeros_like(q)
-    tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, zeros, zeros))
+    tree = tree_at_rest(robot, q)
     return _on_active_joints(robot, tree, rigid_body.weight(robot.model, robot.arrays, tree.configuration, gravity))
 
 
@@ -236,8 +235,7 @@ def mass_matrix(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nv nv"
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
-    zeros = np.zeros_like(q)
-    return mass_matrix_of_tree(robot, tree_motion(robot, Motion(np.arange(float(len(q))), q, zeros, zeros)))
+    return mass_matrix_of_tree(robot, tree_at_rest(robot, q))
 
 
 def mass_matrix_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv"]:

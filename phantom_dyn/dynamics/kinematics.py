@@ -9,10 +9,9 @@ import numpy as np
 
 from phantom_dyn._kernels import rigid_body
 from phantom_dyn.array_types import Array, Float
-from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
+from phantom_dyn.dynamics.tree_motion import tree_at_rest
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 
 
 def frame_index(robot: Robot, frame: str) -> int:
@@ -25,12 +24,6 @@ def frame_index(robot: Robot, frame: str) -> int:
         names = dict.fromkeys(f.name for f in robot.model.frames)
         raise RobotError(f"{robot.name} has no frame {frame!r}: {known_names(frame, names, 'frames')}")
     return robot.model.getFrameId(frame)
-
-
-def _at_rest(robot: Robot, q: Array) -> TreeMotion:
-    """Motion of the tree at rest at the positions ``q``."""
-    zero = np.zeros_like(q)
-    return tree_motion(robot, Motion(np.arange(float(len(q))), q, zero, zero))
 
 
 def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float[Array, "N 3 3"], Float[Array, "N 3"]]:
@@ -46,7 +39,7 @@ def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
     index = frame_index(robot, frame)
-    return rigid_body.frame_pose(robot.model, robot.arrays, _at_rest(robot, q).configuration, index)
+    return rigid_body.frame_pose(robot.model, robot.arrays, tree_at_rest(robot, q).configuration, index)
 
 
 def frame_jacobian(
@@ -64,7 +57,7 @@ def frame_jacobian(
         RobotError: If the robot has no such frame.
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
-    index, tree = frame_index(robot, frame), _at_rest(robot, q)
+    index, tree = frame_index(robot, frame), tree_at_rest(robot, q)
     J = rigid_body.frame_jacobian(robot.model, robot.arrays, tree.configuration, index, body=axes == "body")
     return J if robot.chain is None else J @ tree.G
 

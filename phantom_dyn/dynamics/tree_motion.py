@@ -65,6 +65,12 @@ def tree_motion(robot: Robot, motion: Motion, *, near: Float[Array, " nt"] | Non
     return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G, motion.base)
 
 
+def tree_at_rest(robot: Robot, q: Float[Array, "N nv"], *, near: Float[Array, " nt"] | None = None) -> TreeMotion:
+    """The tree at rest at N positions ``q`` of the active joints [rad or m]; ``near`` as in `tree_motion`."""
+    zeros = np.zeros_like(q)
+    return tree_motion(robot, Motion(np.arange(float(len(q))), q, zeros, zeros), near=near)
+
+
 def apply(G: Float[Array, "N nt nv"], values: Float[Array, "N nv"]) -> Float[Array, "N nt"]:
     """``G`` times a vector of the active joints, for each sample."""
     return np.einsum("nti,ni->nt", G, values) if _varies(G) else values @ G[0].T

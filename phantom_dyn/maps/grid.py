@@ -81,6 +81,7 @@ def read_grid(text: str, joint_names: tuple[str, ...]) -> Grid:
 
 
 def _require_axis(name: str, joint_names: tuple[str, ...]) -> None:
+    """Refuse an axis that is neither x, y, z nor ``q.`` with the name of an active joint."""
     axes = [*TIP_AXES, *(f"q.{joint}" for joint in joint_names)]
     if name not in axes:
         raise ParameterError(f"The grid has the unknown axis {name!r}: {known_names(name, axes, 'axes')}")

@@ -17,11 +17,11 @@ from phantom_dyn._kernels import rigid_body
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.devices import cea, phantom
 from phantom_dyn.dynamics.kinematics import frame_index
-from phantom_dyn.dynamics.tree_motion import TreeMotion, project, tree_friction, tree_motion
+from phantom_dyn.dynamics.tree_motion import TreeMotion, project, tree_at_rest, tree_friction
 from phantom_dyn.errors import ChainError, ParameterError, RobotError
 from phantom_dyn.loops.solver import REACH
 from phantom_dyn.model.robot import Robot, tree_position_limits
-from phantom_dyn.motion import Motion, linear_joints
+from phantom_dyn.motion import linear_joints
 
 # Distance beyond a joint limit [rad or m] up to which a position counts as within the limit, because of rounding.
 _SLACK = 1e-9
@@ -79,10 +79,10 @@ class MapModel:
 
 def tree_at(model: MapModel, q: Float[Array, "N nv"]) -> TreeMotion:
     """The tree at rest at active positions [rad or m]; NaN where a chain cannot be closed."""
-    return _resting(model.robot, q, []) if model.closed_numerically else _at_rest(model.robot, q, None)
+    return _where_closed(model.robot, q, []) if model.closed_numerically else tree_at_rest(model.robot, q)
 
 
-def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> TreeMotion:
+def _where_closed(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> TreeMotion:
     """The tree of a chain at rest; samples at which loops cannot be closed are NaN.
 
     If the solver fails for some sample of the block, each half of the block is solved by itself.
@@ -94,11 +94,11 @@ def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt
             starts at the nearest of these positions.
     """
     try:
-        tree = _at_rest(robot, q, _nearest(robot, q, ends))
+        tree = tree_at_rest(robot, q, near=_nearest(robot, q, ends))
     except ChainError:
         if len(q) > 1:
             half = len(q) // 2
-            first, second = _resting(robot, q[:half], ends), _resting(robot, q[half:], ends)
+            first, second = _where_closed(robot, q[:half], ends), _where_closed(robot, q[half:], ends)
             configuration, tree_q, tree_v, tree_a, jacobian = (
                 np.concatenate([getattr(first, name), getattr(second, name)])
                 for name in ("configuration", "q", "v", "a", "G")
@@ -124,11 +124,6 @@ def _nearest(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt
     near = ends[-_ENDS:]
     distances = [float(np.abs(x[list(robot.tree_rows)] - q[0]).max()) for x in near]
     return near[int(np.argmin(distances))] if min(distances) <= REACH else None
-
-
-def _at_rest(robot: Robot, q: Float[Array, "N nv"], near: Float[Array, " nt"] | None) -> TreeMotion:
-    rest = np.zeros_like(q)
-    return tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest), near=near)
 
 
 def within_limits(model: MapModel, q: Float[Array, "N nv"]) -> np.ndarray:
@@ -302,12 +297,14 @@ def map_model(
 
 
 def _frame(robot: Robot, frame: str | None) -> int:
+    """Index of the named frame; by default of ``tip``, or of the last frame."""
     if frame is not None:
         return frame_index(robot, frame)
     return robot.model.getFrameId("tip") if robot.model.existFrame("tip") else len(robot.model.frames) - 1
 
 
 def _stiffness(robot: Robot, device: Device | None, given: Array | None) -> tuple[Array | None, str]:
+    """Stiffness of the joints [N m/rad], None if nothing states it, and its source in words."""
     if given is not None:
         if given.shape != (robot.nv,) or not (np.isfinite(given).all() and (given > 0).all()):
             raise ParameterError(
@@ -328,6 +325,7 @@ def _numbers(values: Array) -> str:
 
 
 def _posture(robot: Robot, device: Device | None, given: Array | None, lower: Array, upper: Array) -> Array:
+    """The posture of `map_model` [rad or m], shape ``(nv,)``."""
     if given is not None:
         if given.shape != (robot.nv,) or not np.isfinite(given).all():
             raise ParameterError(
@@ -341,5 +339,5 @@ def _posture(robot: Robot, device: Device | None, given: Array | None, lower: Ar
         return robot.chain.start[list(robot.chain.active)]
     bounded = np.isfinite(lower) & np.isfinite(upper)
     middle = (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)) / 2
-    nearest_to_zero = np.where(bounded, middle, np.clip(0.0, lower, upper))
-    return np.where((lower <= 0) & (upper >= 0), 0.0, nearest_to_zero)
+    middle_or_limit = np.where(bounded, middle, np.clip(0.0, lower, upper))
+    return np.where((lower <= 0) & (upper >= 0), 0.0, middle_or_limit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -188,13 +189,14 @@ def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
         jobs = 1
     workers = worker_count(jobs)
     # There are more chunks than workers, so that all workers finish at about the same time.
-    chunk = 1 if workers == 1 else min(LARGEST_CHUNK, -(-len(spans) // (4 * workers)))
+    chunk = 1 if workers == 1 else min(LARGEST_CHUNK, math.ceil(len(spans) / (4 * workers)))
     pieces = ((job, spans[k : k + chunk]) for k in range(0, len(spans), chunk))
     for _, found in spread(_chunk, pieces, jobs=jobs):
         yield from found
 
 
 def _chunk(job: _Job, spans: list[tuple[int, int]]) -> list[_Block]:
+    """Quantities of several blocks of points, as one call of a worker."""
     return [_block(job, *span) for span in spans]
 
 

@@ -29,7 +29,6 @@ from phantom_dyn.maps.map_model import JointSpace, MapModel, joint_space, projec
 SINGULAR = 1e-6
 """Ratio of smallest to largest singular value of J, below which a point counts as singular: at this ratio, rounding
 errors of M_op are twelve digits larger."""
-_WITHOUT_INERTIA = {"manipulability"}
 
 
 @dataclass(frozen=True)
@@ -103,14 +102,14 @@ def felt_at(model: MapModel, q: Array, names: tuple[str, ...]) -> tuple[dict[str
     Returns:
         Values by name, NaN at singular points, and a mask of singular points, shape ``(N,)``.
     """
-    space = joint_space(model, q, inertia=bool(set(names) - _WITHOUT_INERTIA))
+    rest = [name for name in names if name != "manipulability"]
+    space = joint_space(model, q, inertia=bool(rest))
     sigma = np.linalg.svd(space.J, compute_uv=False)
     singular = ~(sigma[:, -1] > SINGULAR * sigma[:, 0])
     out = {name: np.full((len(q), *shape_of(name, model.nv)), np.nan) for name in names}
     good = np.flatnonzero(~singular)
     if "manipulability" in out:
         out["manipulability"][good] = sigma[good, -1] / sigma[good, 0]
-    rest = [name for name in names if name != "manipulability"]
     if rest and len(good):
         values = _felt(model, space, good, rest)
         for name in rest:
