@@ -126,8 +126,8 @@ def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[
     """A warning about bodies whose radius of gyration is far larger than the robot, which suggests a placeholder."""
     lengths = [float(np.linalg.norm(place.translation)) for place in model.jointPlacements]
     lever = max(float(np.linalg.norm(inertia.lever)) for inertia in model.inertias)
-    mounted = max(_FAR_M, _FAR_LENGTHS * (sum(lengths) + lever))
-    own = _THIN_LENGTHS * (sum(lengths[2:]) + lever)
+    far = max(_FAR_M, _FAR_LENGTHS * (sum(lengths) + lever))
+    far_if_thin = _THIN_LENGTHS * (sum(lengths[2:]) + lever)
     found, nearest = [], np.inf
     for body in facts.bodies:
         if not body.moves or body.mass <= 0:
@@ -136,7 +136,7 @@ def _too_large_inertias(model: pin.Model, facts: RobotXml, path: Path) -> tuple[
         radius = float(np.sqrt(max(top, 0.0) / body.mass))
         # The square of a ball's radius of gyration is two fifths of the square of its radius.
         thin = body.mass < _THIN * 4 / 3 * np.pi * (np.sqrt(2.5) * radius) ** 3
-        if radius > mounted or (thin and radius > own):
+        if radius > far or (thin and radius > far_if_thin):
             found.append(f"{body.name} ({body.mass:.3g} kg, {top:.3g} kg m^2)")
             nearest = min(nearest, radius)
     if not found:

@@ -25,7 +25,7 @@ def builtin_robots() -> dict[str, Path]:
     if folder is None:
         return {}
     files = sorted(file for suffix in _SUFFIXES for file in folder.glob(f"*/robot{suffix}"))
-    return {file.parent.name: file for file in sorted(files)}
+    return {file.parent.name: file for file in files}
 
 
 def examples_folder() -> Path | None:

@@ -100,9 +100,9 @@ def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> 
 
 def pendulum_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], omega: float) -> PendulumState:
     """Motion of the pendulum at times ``t`` [s] within the phases."""
-    parts = []
-    for phase, own in _by_phase(phases, t):
-        parts.append(pendulum(own, phase.profile, phase.points, phase.dcm, phase.com, omega))
+    parts = [
+        pendulum(own, phase.profile, phase.points, phase.dcm, phase.com, omega) for phase, own in _by_phase(phases, t)
+    ]
     return PendulumState(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(PendulumState)))
 
 

@@ -50,7 +50,8 @@ def check_mjcf(root: Element, path: Path) -> None:
         RobotError: If a name is repeated or empty, or a number is impossible.
     """
     require_names(root.iter("body"), "body", path)
-    require_names((joint for body in root.iter("body") for joint in body.findall("joint")), "joint", path)
+    joints = root.findall(".//body/joint")
+    require_names(joints, "joint", path)
     for element in root.iter("body"):
         _check_body(element, path)
     for joint in root.iter("joint"):
@@ -64,11 +65,13 @@ def check_mjcf(root: Element, path: Path) -> None:
             require_order(ends[0], ends[1], "range", owner, path)
     for option in root.findall("option"):
         numbers(option, "gravity", "the file", path, count=3)
-    for element in (element for group in root.iter("equality") for element in group):
+    names = [joint.get("name", "") for joint in joints]
+    # Included files may contain more joints.
+    equalities = root.findall(".//equality/*") if root.find(".//include") is None else []
+    for element in equalities:
         for attribute in ("joint1", "joint2"):
             given = element.get(attribute)
-            names = [joint.get("name", "") for body in root.iter("body") for joint in body.findall("joint")]
-            if given is not None and given not in names and not any(True for _ in root.iter("include")):
+            if given is not None and given not in names:
                 known = known_names(given, names, "joints")
                 raise RobotError(f"{path}: <equality> names the joint {shortened(given)!r}, {known}")
 

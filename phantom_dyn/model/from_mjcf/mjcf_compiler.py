@@ -44,22 +44,16 @@ def compiled_mjcf(path: Path, root: Element) -> mujoco.MjModel:
         RobotError: If MuJoCo refuses the file, or it has soft bodies, too many copies or unusable included files.
     """
     _require_rigid(path, root)
-    with unheard_warnings():
-        spec = _named(path)
-        try:
-            _take_away(spec, (geom for geom in spec.geoms if _shaped(geom) and not _weighs(spec, geom)))
+    try:
+        with _parsed(path) as spec:
+            _take_away(spec, [geom for geom in spec.geoms if _shaped(geom) and not _weighs(spec, geom)])
             return spec.compile()
-        except Exception as error:  # the bindings raise ValueError, and other errors for missing files
-            first = error
+    except RobotError:
         # Meshes of bodies that never move may be missing, too.
-        spec = _named(path)
-        if not any(_shaped(geom) and _never_moves(geom.parent) for geom in spec.geoms):
-            raise _refused(path, first) from first
-        try:
-            _take_away(spec, (g for g in spec.geoms if _shaped(g) and (_never_moves(g.parent) or not _weighs(spec, g))))
+        with _parsed(path) as spec:
+            shaped = [geom for geom in spec.geoms if _shaped(geom)]
+            _take_away(spec, [geom for geom in shaped if _never_moves(geom.parent) or not _weighs(spec, geom)])
             return spec.compile()
-        except Exception as error:
-            raise _refused(path, error) from error
 
 
 def _shaped(geom: Any) -> bool:
@@ -73,13 +67,9 @@ def mjcf_with_shapes(path: Path) -> mujoco.MjModel:
     Raises:
         RobotError: If MuJoCo refuses the file.
     """
-    with unheard_warnings():
-        spec = _named(path)
-        try:
-            _take_away(spec, (), keep_meshes=True)
-            return spec.compile()
-        except Exception as error:
-            raise _refused(path, error) from error
+    with _parsed(path) as spec:
+        _take_away(spec, [], keep_meshes=True)
+        return spec.compile()
 
 
 def whole_mjcf(path: Path) -> str:
@@ -88,13 +78,9 @@ def whole_mjcf(path: Path) -> str:
     Raises:
         RobotError: If MuJoCo refuses the file.
     """
-    with unheard_warnings():
-        spec = _named(path)
-        try:
-            spec.compile()
-            return spec.to_xml()
-        except Exception as error:
-            raise _refused(path, error) from error
+    with _parsed(path) as spec:
+        spec.compile()
+        return spec.to_xml()
 
 
 @contextmanager
@@ -116,17 +102,22 @@ def unheard_warnings() -> Iterator[None]:
         mujoco.set_mju_user_warning(before)
 
 
-def _named(path: Path) -> mujoco.MjSpec:
-    """The parsed file, in which all bodies and joints have names."""
+@contextmanager
+def _parsed(path: Path) -> Iterator[mujoco.MjSpec]:
+    """The parsed file, in which all bodies and joints have names; the errors of MuJoCo become a `RobotError`."""
     import mujoco
 
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except Exception as error:
-        raise _refused(path, error) from error
-    _give_names(spec.bodies, "body")
-    _give_names(spec.joints, "joint")
-    return spec
+    with unheard_warnings():
+        try:
+            spec = mujoco.MjSpec.from_file(str(path))
+            _give_names(spec.bodies, "body")
+            _give_names(spec.joints, "joint")
+            yield spec
+        except Exception as error:  # the bindings raise ValueError, and other errors for missing files
+            reason = " ".join(str(error).split()).removeprefix("Error:").strip().rstrip(".")
+            raise RobotError(
+                f"{path} is not a robot that MuJoCo can read ({shortened(reason, 300)}): correct the file."
+            ) from error
 
 
 def _give_names(elements: Iterable[Any], what: str) -> None:
@@ -169,9 +160,9 @@ def _never_moves(body: Any) -> bool:
     return True
 
 
-def _take_away(spec: mujoco.MjSpec, geoms: Iterable[Any], *, keep_meshes: bool = False) -> None:
+def _take_away(spec: mujoco.MjSpec, geoms: list[Any], *, keep_meshes: bool = False) -> None:
     """Remove geoms, elements that do not change the dynamics, and meshes and pictures that are not used any more."""
-    for geom in list(geoms):
+    for geom in geoms:
         spec.delete(geom)
     for group in _NOT_DYNAMIC:
         for element in list(getattr(spec, group)):
@@ -186,11 +177,6 @@ def _take_away(spec: mujoco.MjSpec, geoms: Iterable[Any], *, keep_meshes: bool =
     # MuJoCo would merge bodies without joints into their parents, but their names are needed.
     if hasattr(spec.compiler, "fusestatic"):
         spec.compiler.fusestatic = False
-
-
-def _refused(path: Path, error: Exception) -> RobotError:
-    reason = " ".join(str(error).split()).removeprefix("Error:").strip().rstrip(".")
-    return RobotError(f"{path} is not a robot that MuJoCo can read ({shortened(reason, 300)}): correct the file.")
 
 
 def _require_rigid(path: Path, root: Element) -> None:
