@@ -179,8 +179,8 @@ class Operation(Motion):
 
     @cached_property
     def expected_rate(self) -> Float[Array, "N nv"]:
-        """Time derivative of the expected torque [N m/s or N/s], from neighbouring samples."""
-        return np.gradient(self.expected, self.t, axis=0)
+        """Time derivative of the expected torque [N m/s or N/s], from neighbouring samples; zero for one sample."""
+        return np.gradient(self.expected, self.t, axis=0) if len(self.t) > 1 else np.zeros_like(self.expected)
 
     @cached_property
     def own_friction(self) -> Float[Array, "N nv"]:

@@ -6,7 +6,7 @@ row that is missing or wrong.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from functools import cache
 from typing import Literal, NamedTuple
 
 Kind = Literal[
@@ -76,16 +76,7 @@ RELATIONS: tuple[Relation, ...] = (
 )
 
 
+@cache
 def related(effect: str, kind: Kind) -> tuple[str, ...]:
     """Names of the effects to which ``effect`` has this relation, in the order of the table."""
-    return _BY_EFFECT.get((effect, kind), ())
-
-
-def _by_effect() -> dict[tuple[str, str], tuple[str, ...]]:
-    out: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for row in RELATIONS:
-        out[row.effect, row.kind].append(row.other)
-    return {key: tuple(names) for key, names in out.items()}
-
-
-_BY_EFFECT = _by_effect()
+    return tuple(row.other for row in RELATIONS if (row.effect, row.kind) == (effect, kind))

@@ -13,7 +13,6 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.author import (
     Array,
     EffectWords,
-    Float,
     Law,
     ModelNumbers,
     Operation,
@@ -61,7 +60,7 @@ class ActuatorLag(Timing):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """One column: time derivative of the needed torque; its coefficient is the time constant."""
         rows = driven_rows(robot, joint)
-        return Signature(rows, _torque_rate(operation, rows)[:, :, None], ("time_constant",), ("s",))
+        return Signature(rows, operation.expected_rate[:, list(rows), None], ("time_constant",), ("s",))
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Reason if the torque comes from a sensor behind the drive, which does not show the lag."""
@@ -70,7 +69,7 @@ class ActuatorLag(Timing):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """True torque minus commanded torque."""
         rows = driven_rows(robot, joint)
-        return torque_on_rows(robot, rows, -theta.item() * _torque_rate(operation, rows))
+        return torque_on_rows(robot, rows, -theta.item() * operation.expected_rate[:, list(rows)])
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Mean torque over each time step, exact because the command is constant during a step.
@@ -91,11 +90,6 @@ class ActuatorLag(Timing):
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """The time constant, which describes the effect completely."""
         return ModelNumbers(whole=True, lag=theta.item())
-
-
-def _torque_rate(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
-    needed = operation.expected[:, list(rows)]
-    return np.gradient(needed, operation.t, axis=0) if len(needed) > 1 else np.zeros_like(needed)
 
 
 @command_law

@@ -12,6 +12,7 @@ URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the pos
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -198,7 +199,7 @@ def predicts_held_out(torque: Float[Array, " N"], plain: Float[Array, "N p"], co
         plain: Columns of other causes.
         columns: Columns of the effect.
     """
-    step = -(-len(torque) // _SAMPLES)
+    step = math.ceil(len(torque) / _SAMPLES)
     y, both = torque[::step], np.column_stack([plain, columns])[::step]
     both = both / np.maximum(np.sqrt(np.mean(both**2, axis=0)), 1e-300)
     block = np.arange(len(y)) * _BLOCKS // len(y)

@@ -7,6 +7,7 @@ amplitudes, then all phases.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -143,7 +144,7 @@ def orders_in(
 
 def _stride(dt: float, samples: int) -> int:
     """Distance between two samples that are used: half the averaging time, and at most about `_SAMPLES` are used."""
-    return max(int(0.5 * _SECONDS / dt), -(-samples // _SAMPLES))
+    return max(int(0.5 * _SECONDS / dt), math.ceil(samples / _SAMPLES))
 
 
 def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k"]:

@@ -41,9 +41,7 @@ def on_one_joint(robot: Robot, joint: str | None, **columns: tuple[Float[Array, 
 
 def torque_on_joint(robot: Robot, joint: str | None, values: Float[Array, " N"]) -> Float[Array, "N nv"]:
     """Joint torques that are ``values`` on one joint and zero on the others."""
-    out = np.zeros((len(values), robot.nv))
-    out[:, row_of(robot, joint)] = values
-    return out
+    return torque_on_rows(robot, (row_of(robot, joint),), values[:, None])
 
 
 def speed_of(robot: Robot, operation: Operation, joint: str | None) -> Float[Array, " N"]:

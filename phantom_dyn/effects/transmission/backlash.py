@@ -250,9 +250,9 @@ def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
 def _change_under(operation: Operation, row: int, gap: float, load: Array, inertia: Array) -> Float[Array, "N nv"]:
     """Additional torque of the links with a given load and inertia of the link, compared with links without play."""
     moved = play(operation.t, load / inertia, gap)
-    gained = moved.impact - load / inertia * moved.loose
-    change = change_by_link(operation, row, -moved.lead, -moved.rate, gained)
+    link_acceleration = moved.impact - load / inertia * moved.loose
+    change = change_by_link(operation, row, -moved.lead, -moved.rate, link_acceleration)
     free = moved.loose > 0
     # No torque is transmitted to a free link, whatever its position and speed.
-    change[free, row] = (inertia * gained)[free]
+    change[free, row] = (inertia * link_acceleration)[free]
     return change

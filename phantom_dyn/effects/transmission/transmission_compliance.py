@@ -219,8 +219,8 @@ def swing(operation: Operation, row: int, stiffness: float, damping: float | Non
         swings = (operation.t - operation.t[0]) * np.sqrt(stiffness / np.median(inertia)) / (2.0 * np.pi)
         ratio += np.clip(_FADING - swings, 0.0, 1.0) * max(_FADE - damping, 0.0)
     drag = np.maximum(2.0 * ratio * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
-    place, speed, gain = swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
-    return place, speed, gain
+    deflection, rate, acceleration = swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
+    return deflection, rate, acceleration
 
 
 def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, Array]:
@@ -260,14 +260,14 @@ def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> Array:
 def swing_loop(half: Array, pull: Array, spring: Array, drag: Array, out: Array) -> None:
     """Compiled part of `swing_steps`; ``out`` is an array of zeros, because compiling an allocation takes long."""
     out[0, 0] = pull[0] / spring[0]
-    place, speed, gain = out[0, 0], 0.0, 0.0
+    x, v, a = out[0, 0], 0.0, 0.0
     for k in range(1, len(pull)):
         h = half[k - 1]
         # Position and velocity without the next acceleration; h^2 and h times this acceleration are added below.
-        known_place, known_speed = place + h * (2.0 * speed + h * gain), speed + h * gain
-        gain = (pull[k] - drag[k] * known_speed - spring[k] * known_place) / (1.0 + h * (drag[k] + h * spring[k]))
-        place, speed = known_place + h * h * gain, known_speed + h * gain
-        out[0, k], out[1, k], out[2, k] = place, speed, gain
+        known_x, known_v = x + h * (2.0 * v + h * a), v + h * a
+        a = (pull[k] - drag[k] * known_v - spring[k] * known_x) / (1.0 + h * (drag[k] + h * spring[k]))
+        x, v = known_x + h * h * a, known_v + h * a
+        out[0, k], out[1, k], out[2, k] = x, v, a
 
 
 def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edges) -> float:

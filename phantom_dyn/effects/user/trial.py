@@ -62,7 +62,7 @@ def tried(effect: Effect, robot: Robot, origin: str) -> Effect:
     """
     _require_description(effect, origin)
     operation = trial_motion(robot)
-    for joint in _asked(origin, "places", lambda: effect.places(robot)):
+    for joint in _result_of(origin, "places", lambda: effect.places(robot)):
         theta, known = _parameters(effect, robot, joint, origin)
         _require_words(effect, known, origin)
         if isinstance(effect, LawEffect) and type(effect).signature is LawEffect.signature:
@@ -70,7 +70,7 @@ def tried(effect: Effect, robot: Robot, origin: str) -> Effect:
         else:
             _torque(effect, robot, operation, joint, theta, origin)
             _require_columns(effect, robot, operation, joint, origin)
-        made = _asked(origin, "simulated", lambda at=joint, x=theta: effect.simulated(robot, at, x))
+        made = _result_of(origin, "simulated", lambda at=joint, x=theta: effect.simulated(robot, at, x))
         if not isinstance(made, Simulated):
             raise EffectError(f"{origin}: simulated gave {_kind(made)}, wanted a Simulated: return one.")
     return effect
@@ -125,7 +125,7 @@ def _parameters(
     effect: Effect, robot: Robot, joint: str | None, origin: str
 ) -> tuple[Float[Array, " p"], tuple[Parameter, ...]]:
     """Checked parameters of the effect: an allowed value of each, and the parameters themselves."""
-    known = _asked(origin, "parameters", lambda: effect.parameters(robot, joint))
+    known = _result_of(origin, "parameters", lambda: effect.parameters(robot, joint))
     if not isinstance(known, tuple) or not known or not all(isinstance(one, Parameter) for one in known):
         raise EffectError(f"{origin}: parameters gave {_kind(known)}, wanted a tuple of Parameter: return one.")
     names = [one.name for one in known]
@@ -172,7 +172,7 @@ def _require_law(effect: LawEffect, robot: Robot, operation: Operation, joint: s
             f"{origin}: its torque on {joint} acts on other joints too, wanted zero there: set scope to robot, or give "
             "signature as well."
         )
-    _require_said(effect, operation, lambda on: law(steps, on), least, origin)
+    _require_stated_inputs(effect, operation, lambda on: law(steps, on), least, origin)
     if type(effect).simulated is LawEffect.simulated:
         _require_momentary(operation, lambda on: law(steps, on), whole, least, origin)
 
@@ -214,7 +214,7 @@ def _require_linear(
         )
 
 
-def _require_said(
+def _require_stated_inputs(
     effect: LawEffect, operation: Operation, law: Callable[[Operation], Array], least: float, origin: str
 ) -> None:
     """Check that ``made_of`` names accelerations and the model's torque if the law uses them.
@@ -222,16 +222,19 @@ def _require_said(
     Both have errors (noise, and errors of the model) that the diagnosis takes into account. The law uses an input if
     its torque changes when the input is scaled by 1.1.
     """
-    whole, robot = law(operation), operation.robot
-    tau = 1.1 * operation.tau
-    loaded = Operation(operation.t, operation.q, operation.v, operation.a, robot, tau, tau, tau)
     if effect.follows_model or effect.follows_torque:
         return
-    if np.abs(law(loaded) - whole).max() > least:
+
+    def depends_on(a: float = 1.0, tau: float = 1.0) -> bool:
+        """Whether the torque of the law changes if acceleration and modelled torque are scaled by these factors."""
+        torque = tau * operation.tau
+        motion = operation.t, operation.q, operation.v, a * operation.a
+        scaled = Operation(*motion, operation.robot, torque, torque, torque)
+        return bool(np.abs(law(scaled) - law(operation)).max() > least)
+
+    if depends_on(tau=1.1):
         raise EffectError(f"{origin}: its torque follows that of the model: add 'model' to made_of.")
-    tau = operation.tau
-    jolted = Operation(operation.t, operation.q, operation.v, 1.1 * operation.a, robot, tau, tau, tau)
-    if np.abs(law(jolted) - whole).max() > least and not effect.uses_acceleration:
+    if not effect.uses_acceleration and depends_on(a=1.1):
         raise EffectError(
             f"{origin}: its torque uses accelerations, which are noisy: add 'acceleration' to made_of, or use "
             "a velocity."
@@ -256,12 +259,12 @@ def _first_shape(known: tuple[Parameter, ...], origin: str) -> Shape:
 
 def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: str | None, origin: str) -> None:
     """Check that columns that a user defined are minus the torque of the law per coefficient."""
-    shapes = _asked(origin, "shapes", lambda: effect.shapes(robot, operation, joint))
+    shapes = _result_of(origin, "shapes", lambda: effect.shapes(robot, operation, joint))
     # Without shapes this motion cannot show the effect, such as a wave that needs several periods.
     if not shapes:
         return
     shape = shapes[0]
-    made = _asked(origin, "signature", lambda: effect.signature(robot, operation, joint, shape))
+    made = _result_of(origin, "signature", lambda: effect.signature(robot, operation, joint, shape))
     if not isinstance(made, Signature):
         raise EffectError(f"{origin}: signature gave {_kind(made)}, wanted a Signature: return one.")
     wanted = (_SAMPLES, len(made.rows), len(made.names))
@@ -278,7 +281,7 @@ def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: 
     ):
         return
     ones = np.ones(len(made.names))
-    theta = _asked(origin, "from_coefficients", lambda: effect.from_coefficients(robot, joint, ones, shape))
+    theta = _result_of(origin, "from_coefficients", lambda: effect.from_coefficients(robot, joint, ones, shape))
     torque = _torque(effect, robot, operation, joint, theta, origin)[:, list(made.rows)]
     given = made.columns @ ones
     if np.abs(torque + given).max() > _ROUNDING * np.abs(given).max():
@@ -290,7 +293,7 @@ def _require_columns(effect: Effect, robot: Robot, operation: Operation, joint: 
 
 def _torque(effect: Effect, robot: Robot, operation: Operation, joint: str | None, theta: Array, origin: str) -> Array:
     """Torque of the law, checked to be a finite number for every sample and joint."""
-    torque: Any = _asked(origin, "torque", lambda: effect.torque(robot, operation, joint, theta))
+    torque: Any = _result_of(origin, "torque", lambda: effect.torque(robot, operation, joint, theta))
     wanted = (len(operation.t), robot.nv)
     if not isinstance(torque, np.ndarray) or torque.shape != wanted:
         given = f"shape {torque.shape}" if isinstance(torque, np.ndarray) else _kind(torque)
@@ -312,7 +315,7 @@ def _moment(operation: Operation, sample: int) -> Moment:
     return Moment(float(operation.t[sample]), operation.q[sample], operation.v[sample], operation.transmitted[sample])
 
 
-def _asked(origin: str, method: str, call: Callable[[], R]) -> R:
+def _result_of(origin: str, method: str, call: Callable[[], R]) -> R:
     """Result of a method that a user defined; the message of an error names the method."""
     try:
         return call()

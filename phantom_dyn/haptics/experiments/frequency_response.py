@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,10 +82,8 @@ class FrequencyResponse(ReadOnlyArrays):
     def between(self, low: float, high: float) -> FrequencyResponse:
         """The response at frequencies from ``low`` to ``high`` [rad/s]."""
         kept = (self.frequency >= low) & (self.frequency <= high)
-        w, response, coherence, deviation = (
-            part[kept] for part in (self.frequency, self.response, self.coherence, self.deviation)
-        )
-        return FrequencyResponse(self.period, w, response, coherence, deviation, self.averages, self.inflation)
+        arrays = ("frequency", "response", "coherence", "deviation")
+        return replace(self, **{name: getattr(self, name)[kept] for name in arrays})
 
 
 def estimate_frequency_response(
@@ -249,19 +247,18 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
     # Deviations that are estimated from few data vary by chance, so that neighbours are averaged.
     error = np.sqrt(_running_mean((response.deviation * np.abs(measured)) ** 2))
     lower = np.where(_IN_LOG, -np.inf, 0.0)
-    best: _Found | None = None
-    for damping in _STARTS:
-        start = _start(response, good, damping)
+
+    def search(start: Array) -> _Found:
         unit = np.where(_IN_LOG, 1.0, start)
 
-        def axis_of(x: Array, unit: Array = unit) -> TwoMassAxis:
+        def axis_of(x: Array) -> TwoMassAxis:
             return TwoMassAxis(*np.where(_IN_LOG, np.exp(np.where(_IN_LOG, x, 0.0)), x * unit).tolist())
 
-        def by_ratio(x: Array, axis_of: Callable[[Array], TwoMassAxis] = axis_of) -> Array:
+        def by_ratio(x: Array) -> Array:
             ratio = np.log(measured[good] / model(axis_of(x), w[good]))
             return np.concatenate([np.real(ratio) * weight, np.imag(ratio) * weight])
 
-        def by_difference(x: Array, axis_of: Callable[[Array], TwoMassAxis] = axis_of) -> Array:
+        def by_difference(x: Array) -> Array:
             difference = (measured - model(axis_of(x), w)) / error
             return np.concatenate([np.real(difference), np.imag(difference)])
 
@@ -270,11 +267,14 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
         x = np.where(_IN_LOG, np.log(start), 1.0)
         near = least_squares(by_ratio, x, bounds=(lower, np.inf), loss="soft_l1", f_scale=3.0, max_nfev=60)
         found = least_squares(by_difference, near.x, bounds=(lower, np.inf), max_nfev=100)
-        if best is None or found.cost < best.cost:
-            best = _Found(float(found.cost), found.x, found.jac, unit, axis_of(found.x))
-        if best.cost < _MISFIT * len(w):
+        return _Found(float(found.cost), found.jac, unit, axis_of(found.x))
+
+    tried: list[_Found] = []
+    for damping in _STARTS:
+        tried.append(search(_start(response, good, damping)))
+        if tried[-1].cost < _MISFIT * len(w):
             break
-    assert best is not None
+    best = min(tried, key=lambda found: found.cost)
     misfit = 2.0 * best.cost / (2 * len(w) - len(NAMES))
     if misfit > _MISFIT:
         raise EstimationError(
@@ -299,16 +299,16 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
 
 @dataclass(frozen=True)
 class _Found:
-    """Result of the search from one start; ``unit`` scales the dampings in ``x``."""
+    """Result of the search from one start: an axis, and the Jacobian by logarithms, or by dampings over ``unit``."""
 
     cost: float
-    x: Array
     jacobian: Array
     unit: Array
     axis: TwoMassAxis
 
 
 def _running_mean(values: Array) -> Array:
+    """Mean of each value and its `_NEIGHBOURS` on either side; beyond the ends the values are mirrored."""
     padded = np.pad(values, _NEIGHBOURS, mode="reflect")
     return np.convolve(padded, np.full(2 * _NEIGHBOURS + 1, 1.0 / (2 * _NEIGHBOURS + 1)), mode="valid")
 

@@ -22,7 +22,8 @@ References:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -70,7 +71,6 @@ class EncoderRecord:
         counts: Count at each sample k, taken at time k * period, shape ``(N,)``.
         edge_time: Times of all edges [s], shape ``(E,)``.
         edge_direction: +1 or -1 for each edge, shape ``(E,)``.
-        reading: Position according to the count at each sample [m or rad], shape ``(N,)``.
     """
 
     period: float
@@ -78,10 +78,11 @@ class EncoderRecord:
     counts: Int[Array, " N"]
     edge_time: Float[Array, " E"]
     edge_direction: Float[Array, " E"]
-    reading: Float[Array, " N"] = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "reading", self.counts * self.step)
+    @cached_property
+    def reading(self) -> Float[Array, " N"]:
+        """Position according to the count at each sample [m or rad], shape ``(N,)``."""
+        return self.counts * self.step
 
 
 def record_motion(

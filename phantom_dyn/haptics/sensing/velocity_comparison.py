@@ -79,14 +79,12 @@ def estimator_figures(
     fine = np.arange(round((_SETTLING + duration) / period) * _POINTS + 1) * (period / _POINTS)
     t = fine[::_POINTS]
     settled = t >= _SETTLING
-
     sensors = _Sensors(encoder, accelerometer, rng)
-
     # Both motions start between two edges, because a start on an edge is a special case.
     start = 0.1 * encoder.step
     steady = sensors.estimate(estimator, start + speed * fine, np.zeros(len(t)), period)
-    gaining = start + speed * fine + acceleration * fine**2 / 2
-    accelerated = sensors.estimate(estimator, gaining, np.full(len(t), acceleration), period)
+    accelerated_motion = start + speed * fine + acceleration * fine**2 / 2
+    accelerated = sensors.estimate(estimator, accelerated_motion, np.full(len(t), acceleration), period)
     velocity = speed + acceleration * t
     return EstimatorFigures(
         lag=float(np.mean((velocity - accelerated)[settled]) / acceleration),

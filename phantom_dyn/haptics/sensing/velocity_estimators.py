@@ -217,11 +217,11 @@ def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
     updated here. ``edge_time`` and ``edge_direction`` are ring buffers with the latest of the ``edges`` edges so far.
     """
     kind, parameters, period = form
-    if kind == 0:
+    if kind == AVERAGED_DIFFERENCE:
         return averaged_difference(int(parameters[0]), k, period, readings)
-    if kind == 1:
+    if kind == ADAPTIVE_WINDOW:
         return adaptive_window(int(parameters[0]), parameters[1], k, period, readings)
-    if kind == 2:
+    if kind == KALMAN:
         return kalman(parameters[0], parameters[1], k, period, readings, memory)
     raw = period_velocity(parameters, k, period, edge_time, edge_direction, edges)
     return moving_average(raw, int(parameters[4]), k, memory)

@@ -170,8 +170,8 @@ def critical_stiffness(
     rate = virtual_damping / period
     grid = search_grid(axis, period, delay, virtual_damping)
     found = crossings(grid, period, sampled.loop, (1.0, 0.0), (rate, -rate))
-    all_of_them = tuple(Crossing(float(w), float(gain)) for w, gain in found if gain > 0)
-    lowest = min(all_of_them, key=lambda crossing: crossing.gain, default=None)
+    positive = tuple(Crossing(float(w), float(gain)) for w, gain in found if gain > 0)
+    lowest = min(positive, key=lambda crossing: crossing.gain, default=None)
     if lowest is None:
         # Without a crossing, either all walls are stable or none, so that it is enough to check one.
         radius = sampled.spectral_radius(float(np.abs(found[:, 1]).min()), virtual_damping)
@@ -179,8 +179,8 @@ def critical_stiffness(
     below = sampled.spectral_radius((1 - _BESIDE) * lowest.gain, virtual_damping)
     above = sampled.spectral_radius((1 + _BESIDE) * lowest.gain, virtual_damping)
     if below >= 1:
-        return CriticalStiffness(0.0, math.nan, all_of_them, below, below)
-    return CriticalStiffness(lowest.gain, lowest.frequency, all_of_them, below, above)
+        return CriticalStiffness(0.0, math.nan, positive, below, below)
+    return CriticalStiffness(lowest.gain, lowest.frequency, positive, below, above)
 
 
 def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
@@ -296,8 +296,8 @@ def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
     size = np.abs(roots)
     largest = float(size.max()) if len(size) else 0.0
     corners = size[size > _ZERO * largest]
-    bent = roots[np.imag(roots) > _ZERO * largest]
-    modes = np.column_stack([np.imag(bent), np.maximum(np.abs(np.real(bent)), _ZERO * largest)])
+    oscillating = roots[np.imag(roots) > _ZERO * largest]
+    modes = np.column_stack([np.imag(oscillating), np.maximum(np.abs(np.real(oscillating)), _ZERO * largest)])
     return modes, float(corners.min()) if len(corners) else math.inf
 
 

@@ -198,6 +198,7 @@ def _linear_damping(axis: Axis) -> tuple[float, float]:
 
 
 def _models() -> list[tuple[str, Axis]]:
+    """Names and models of the axes without an amplifier: the rigid mass along y, and the three published fits."""
     mass = operational_masses()[1]
     rigid = (f"rigid, {mass * 1e3:.1f} g, no damper", RigidAxis(mass, 0.0))
     return [rigid, *((f"published fit of {name}", axis) for name, axis in _FITS)]
@@ -215,7 +216,8 @@ def _same(name: str, gain: float) -> ModelFigure:
 
 
 def _percent(ratio: float) -> str:
-    return "no answer" if math.isnan(ratio) else f"{100 * (ratio - 1):+.0f} %"
+    """Improvement by a ratio in per cent, such as ``+50 %``."""
+    return f"{100 * (ratio - 1):+.0f} %"
 
 
 _PERIOD = LoopSettings().period

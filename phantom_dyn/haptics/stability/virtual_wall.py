@@ -144,6 +144,7 @@ def _damper(settings: LoopSettings, damping: float) -> DigitalFilter:
 
 
 def _average(samples: int, period: float) -> DigitalFilter:
+    """Filter from reading to ``(x[k] - x[k - n]) / (n T)``, with n = ``samples`` and T = ``period`` [s]."""
     numerator = np.zeros(samples + 1)
     numerator[0], numerator[-1] = 1.0, -1.0
     return DigitalFilter(numerator / (samples * period), np.ones(1))
