@@ -25,6 +25,7 @@ import random
 import re
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -220,17 +221,21 @@ def seconds_of(store: Store, case: Case) -> float:
 
 def one_make_after_the_other(cases: Sequence[Case], seconds: Mapping[str, float]) -> list[Case]:
     """Order cases so that a run of any length covers every make and kind, with the fastest cases first."""
-    place: dict[tuple[str, str], int] = {}
-    of_make: dict[str, int] = {}
-    ranked = []
-    for case in sorted(cases, key=lambda case: seconds[case.key]):
-        nth = place[case.make, case.kind] = place.get((case.make, case.kind), -1) + 1
-        ranked.append((nth, seconds[case.key], case))
-    out = []
-    for nth, took, case in sorted(ranked, key=lambda one: one[:2]):
-        turn = of_make[case.make] = of_make.get(case.make, -1) + 1
-        out.append((turn, took, nth, case))
-    return [case for *_, case in sorted(out, key=lambda one: one[:3])]
+
+    def places(ordered: Sequence[Case], group: Callable[[Case], object]) -> dict[str, int]:
+        """How many cases of its group precede each case, by its key."""
+        found: Counter[object] = Counter()
+        out = {}
+        for case in ordered:
+            out[case.key] = found[group(case)]
+            found[group(case)] += 1
+        return out
+
+    fastest_first = sorted(cases, key=lambda case: seconds[case.key])
+    in_kind = places(fastest_first, lambda case: (case.make, case.kind))
+    kinds_in_turn = sorted(fastest_first, key=lambda case: in_kind[case.key])
+    in_make = places(kinds_in_turn, lambda case: case.make)
+    return sorted(kinds_in_turn, key=lambda case: (in_make[case.key], seconds[case.key]))
 
 
 def with_table(page: str, part: str, table: str) -> str:

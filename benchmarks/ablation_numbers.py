@@ -107,9 +107,7 @@ def modules_with(named: Named) -> list[ModuleType]:
     """Loaded modules that contain a named number: the one that defines it, and those that import it."""
     home = sys.modules[named.module]
     value = getattr(home, named.name)
-    packages = {
-        name.split(".")[0] for name in (named.module, *sys.modules) if name.startswith(("identification", "ph"))
-    }
+    packages = {named.module.split(".")[0], "identification", "phantom_dyn"}
     return [
         module
         for name, module in list(sys.modules.items())

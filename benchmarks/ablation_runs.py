@@ -112,23 +112,22 @@ def stored_result(folder: Path, case: Case) -> dict:
         outcome = case.outcome(Path(place))
     failed = [next((gate["gate"] for gate in one["gates"] if not gate["passed"]), None) for one in said["ledger"]]
     return {
-        **_said(said, outcome),
+        **_stored_parts(said, outcome),
         "kind": case.kind,
         "seconds": entry["seconds"],
         "refused": sorted({gate for gate in failed if gate is not None}),
     }
 
 
-def _said(said: Mapping, outcome: Outcome) -> dict:
+def _stored_parts(diagnosis: Mapping, outcome: Outcome) -> dict:
     """The parts of a diagnosis and its outcome that are stored."""
-    findings = [_short(one) for one in said["findings"]]
-    return {"right": outcome.right, "wrong": outcome.wrong, "verdict": said["verdict"], "findings": findings}
+    findings = [_short(one) for one in diagnosis["findings"]]
+    return {"right": outcome.right, "wrong": outcome.wrong, "verdict": diagnosis["verdict"], "findings": findings}
 
 
 def given_case(folder: Path, make: str) -> Case:
     """A case of `benchmarks/given_cases.py`."""
-    log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
-    words = (str(folder / "robot.urdf"), str(log), "--json", "{out}/diagnosis.json")
+    words = (str(folder / "robot.urdf"), str(given_cases.log_of(folder)), "--json", "{out}/diagnosis.json")
 
     def outcome(out: Path) -> Outcome:
         return of_given(given_cases.answered(folder, read_or_none(out / "diagnosis.json")))
@@ -225,7 +224,7 @@ def warm_up(case: Case) -> None:
 
 
 @dataclass
-class Met:
+class GateCounts:
     """For each gate by name: how often it was evaluated, refused a claim, and was the only gate to refuse."""
 
     asked: dict[str, int]
@@ -240,8 +239,8 @@ DECIDED_BY: Mapping[str, tuple[str, str, object]] = {
 }
 
 
-def leave_out(names: Iterable[str], met: Met | None = None) -> None:
-    """Let the named gates accept everything in this process; ``met`` counts how often each gate refuses."""
+def leave_out(names: Iterable[str], counts: GateCounts | None = None) -> None:
+    """Let the named gates accept everything in this process; ``counts`` gets how often each gate refuses."""
     from identification import gates
 
     chosen = frozenset(names)
@@ -251,9 +250,9 @@ def leave_out(names: Iterable[str], met: Met | None = None) -> None:
         @functools.wraps(gate)
         def instead(*given: object, _gate: Callable = gate, _name: str = name, **options: object) -> object:
             result = _gate(*given, **options)
-            if met is not None:
-                met.asked[_name] = met.asked.get(_name, 0) + 1
-                met.refused[_name] = met.refused.get(_name, 0) + (not result.passed)
+            if counts is not None:
+                counts.asked[_name] = counts.asked.get(_name, 0) + 1
+                counts.refused[_name] = counts.refused.get(_name, 0) + (not result.passed)
             return replace(result, passed=True) if _name in chosen else result
 
         for module in list(sys.modules.values()):
@@ -264,7 +263,7 @@ def leave_out(names: Iterable[str], met: Met | None = None) -> None:
         setattr(sys.modules[module_name], function, answer)
 
 
-def count_alone(met: Met) -> None:
+def count_alone(counts: GateCounts) -> None:
     """Evaluate all gates of the search for every claim, and count gates that refuse alone; answers do not change."""
     from identification.diagnosis.search import claims
     from identification.engine.claims import until_failed
@@ -273,7 +272,7 @@ def count_alone(met: Met) -> None:
         every = tuple(results)
         failed = [one.gate for one in every if not one.passed]
         if len(failed) == 1:
-            met.alone[failed[0]] = met.alone.get(failed[0], 0) + 1
+            counts.alone[failed[0]] = counts.alone.get(failed[0], 0) + 1
         return until_failed(every)
 
     claims.until_failed = to_the_end  # type: ignore[attr-defined]
@@ -311,7 +310,7 @@ def run(case: Case, variant: Variant) -> dict:
         said = read_or_none(last / "diagnosis.json") or {"verdict": "failed", "findings": []}
         outcome = case.outcome(out)
         return {
-            **_said(said, outcome),
+            **_stored_parts(said, outcome),
             "seconds": round(time.perf_counter() - start, 1),
             "ended": os.waitstatus_to_exitcode(status),
             "trace": read_or_none(out / "trace.json"),
@@ -331,13 +330,13 @@ def _child(case: Case, variant: Variant, out: Path) -> None:
     code = 1
     try:
         with (out / "said.txt").open("w") as said, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            trace, met = Trace(), Met({}, {}, {})
+            trace, counts = Trace(), GateCounts({}, {}, {})
             if variant.follow:
                 for named in variant.numbers:
                     replace_number(named, followed(named, trace))
                 write_plain_numbers()
-                leave_out((), met)
-                count_alone(met)
+                leave_out((), counts)
+                count_alone(counts)
             else:
                 for named in variant.numbers:
                     replace_number(named, scaled(named.value, variant.factor))
@@ -347,7 +346,7 @@ def _child(case: Case, variant: Variant, out: Path) -> None:
             for step in case.steps:
                 code = main(["diagnose", *(word.format(out=out) for word in step)])
             if variant.follow:
-                (out / "trace.json").write_text(json.dumps({**vars(trace), "gates": vars(met)}))
+                (out / "trace.json").write_text(json.dumps({**vars(trace), "gates": vars(counts)}))
     except BaseException:  # a child reports errors and never returns
         (out / "error.txt").write_text(traceback.format_exc()[-3000:])
     finally:

@@ -6,7 +6,6 @@ The script prints a table, and exits with 1 if a goal is missed. The first call 
 its own; if that fails, one sentence says so and the exit code is 0. Both sides run alternately in processes of their
 own, with one thread for linear algebra, after a first run on a few samples. Seconds are medians of processor time. Both
 have to find the same number of base parameters and the same residual, or the comparison fails.
-parameters and the same residual, or the comparison fails.
 """
 
 from __future__ import annotations

@@ -101,34 +101,26 @@ def words_for(goal: Goal, folder: Path) -> list[str]:
     place = folder / ("six-joints-60s" if goal.command == "check" else goal.name.removeprefix("answer-"))
     place.mkdir(exist_ok=True)
     log, config = place / ("log.npz" if goal.case else "log.csv"), place / "robot.yaml"
-    if goal.name == TROT and goal.case is not None:
-        if not log.exists():
-            write_trot(place, goal.case.seconds, goal.case.rate_hz)
-        return [
-            "-m",
-            "identification.cli",
-            "diagnose",
-            str(place / "robot.urdf"),
-            str(log),
-            "--out",
-            str(place / "out"),
-        ]
+    options: list[str] = []
     if goal.case is None:
-        (place / "axis.urdf").write_text(AXIS)
+        robot = str(place / "axis.urdf")
+        Path(robot).write_text(AXIS)
         if not log.exists():
             axis_recording(log, 10.0)
+    elif goal.name == TROT:
+        robot = str(place / "robot.urdf")
+        if not log.exists():
+            write_trot(place, goal.case.seconds, goal.case.rate_hz)
     else:
+        robot = goal.case.robot
         config.write_text(goal.case.config)
         if not log.exists():
-            write_long(load_robot(goal.case.robot, config=config), goal.case, log)
-    words = [
-        "-m",
-        "identification.cli",
-        *goal.command.split(),
-        goal.case.robot if goal.case else str(place / "axis.urdf"),
-    ]
-    words += [str(log)] + (["--robot-config", str(config)] if goal.case and goal.case.config else [])
-    return words if goal.command == "check" else [*words, "--out", str(place / "out")]
+            write_long(load_robot(robot, config=config), goal.case, log)
+        if goal.case.config:
+            options += ["--robot-config", str(config)]
+    if goal.command != "check":
+        options += ["--out", str(place / "out")]
+    return ["-m", "identification.cli", *goal.command.split(), robot, str(log), *options]
 
 
 def each_ratio(folder: Path) -> float:

@@ -10,8 +10,6 @@ well, the ninth digit may decide between them. Each cause must then be a rival o
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -22,6 +20,8 @@ import numpy as np
 
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.given_cases import diagnosed, log_of
 
 DIGITS = (17, 9, 7)
 Place = tuple[str, str | None]
@@ -89,15 +89,12 @@ def _words(one: Answer) -> str:
     return f"{one.verdict}, {named}, {100 * one.closed:.0f} % closed"
 
 
-def diagnosed(folder: Path, digits: int) -> Answer:
+def answer_with(folder: Path, digits: int) -> Answer:
     """Diagnose a case whose log is written with a number of digits."""
-    log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
     with tempfile.TemporaryDirectory() as place:
-        copy, out = Path(place) / "log.csv", Path(place) / "diagnosis.json"
-        written(log, digits, copy)
-        words = [sys.executable, "-m", "identification.cli", "diagnose", str(folder / "robot.urdf"), str(copy)]
-        done = subprocess.run([*words, "--json", str(out)], capture_output=True, check=False)
-        return answer_of(json.loads(out.read_text()) if done.returncode == 0 else None)
+        log = Path(place) / "log.csv"
+        written(log_of(folder), digits, log)
+        return answer_of(diagnosed(folder, log))
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -112,7 +109,7 @@ def main(words: Sequence[str] | None = None) -> None:
         parser.exit(2, f"{options.folder} holds no case: wanted folders with robot.urdf and a log\n")
     changed = 0
     for case in cases:
-        lines = differences({digits: diagnosed(case, digits) for digits in DIGITS})
+        lines = differences({digits: answer_with(case, digits) for digits in DIGITS})
         changed += bool(lines)
         print(case.name, "the same" if not lines else "", *(f"\n  {line}" for line in lines), flush=True)
     print(f"digits change {changed} of {len(cases)}")

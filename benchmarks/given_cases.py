@@ -91,13 +91,18 @@ def answered(folder: Path, said: dict | None) -> Answered:
     return Answered(folder.name, float(answer["gap_over_floor"]), truth, accepted, said)
 
 
-def diagnosed(folder: Path) -> dict | None:
-    """Diagnose a case with the command; None if it refuses or fails."""
-    log = next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
+def log_of(folder: Path) -> Path:
+    """The log of a case."""
+    return next(path for path in (folder / "log.npz", folder / "log.csv") if path.exists())
+
+
+def diagnosed(folder: Path, log: Path | None = None) -> dict | None:
+    """Diagnose a case, or another log of its robot, with the command; None if it refuses or fails."""
     with tempfile.TemporaryDirectory() as place:
         out = Path(place) / "diagnosis.json"
-        words = [sys.executable, "-m", "identification.cli", "diagnose", str(folder / "robot.urdf"), str(log)]
-        done = subprocess.run([*words, "--json", str(out)], capture_output=True, check=False)
+        files = [str(folder / "robot.urdf"), str(log or log_of(folder))]
+        words = [sys.executable, "-m", "identification.cli", "diagnose", *files, "--json", str(out)]
+        done = subprocess.run(words, capture_output=True, check=False)
         return json.loads(out.read_text()) if done.returncode == 0 else None
 
 

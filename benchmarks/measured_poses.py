@@ -79,10 +79,23 @@ def poses_off_in_root(seed: int) -> tuple[tuple[np.ndarray, np.ndarray], Key, fl
 
 @dataclass
 class Score:
-    """Counts over the seeds, and the errors of the sizes by effect."""
+    """Counts over the seeds, and the errors of the sizes by effect.
+
+    Attributes:
+        robots: Seeds, each with a correct robot and a robot with one error.
+        blamed: Correct robots for which the verdict is not ``no_gap``.
+        testable: Errors that are found, or that the poses can show.
+        named: Errors among the findings.
+        listed: Errors among the rivals of other findings.
+        not_shown: Errors without any finding, too small for the poses.
+        missed: All other errors.
+        extra: Robots with one error and more than one finding.
+        errors: Errors of the sizes; of elasticity relative to the size.
+    """
 
     robots: int = 0
     blamed: int = 0
+    testable: int = 0
     named: int = 0
     listed: int = 0
     not_shown: int = 0
@@ -99,13 +112,15 @@ class Score:
         self.extra += len(said.findings) > 1
         sizes, rivals = named_and_rivals(said)
         below = {(one.effect, one.joint, one.parameter): one.below for one in said.bounds}
-        unseen = {(one.effect, one.joint, one.parameter) for one in said.not_testable}
+        unseen = not said.findings and key in {(one.effect, one.joint, one.parameter) for one in said.not_testable}
+        self.testable += not unseen
         if key in sizes:
             self.named += 1
-            self.errors.setdefault(key[0], []).append(abs(sizes[key] - size))
+            error = abs(sizes[key] - size)
+            self.errors.setdefault(key[0], []).append(error / size if key[0] == "joint_elasticity" else error)
         elif key in rivals:
             self.listed += 1
-        elif not said.findings and (key in unseen or below.get(key, 0.0) > abs(size)):
+        elif unseen or (not said.findings and below.get(key, 0.0) > abs(size)):
             self.not_shown += 1
         else:
             self.missed += 1
@@ -187,30 +202,22 @@ def main() -> None:
         return
     at_root = (np.eye(4), np.eye(4)) if given.in_root_frame else None
     robot, text = load_robot("example:ur10"), Path(find_robot("example:ur10")).read_text()
-    false = found = tested = extra = 0
-    errors: dict[str, list[float]] = {}
+    score = Score()
     for seed in range(first, last):
         right = diagnose_poses(robot, (recording(seed, TrueRobot(text), robot.joint_names, at_root),))
-        assert right is not None
-        false += bool(right.findings or right.verdict != "no_gap")
         true, key, size = wrong_robot(seed, text, robot.joint_names)
         root_poses = at_root
         if given.in_root_frame and seed % 3:
             true = TrueRobot(text)
             root_poses, key, size = poses_off_in_root(seed)
         said = diagnose_poses(robot, (recording(seed, true, robot.joint_names, root_poses),))
-        assert said is not None
-        sizes, rivals = named_and_rivals(said)
-        unseen = {(one.effect, one.joint, one.parameter) for one in said.not_testable}
-        tested += not (key in unseen and not said.findings)
-        found += key in sizes or key in rivals
-        extra += len(said.findings) > 1
-        if key in sizes:
-            off = abs(sizes[key] - size)
-            errors.setdefault(key[0], []).append(off / size if key[0] == "joint_elasticity" else off)
-    print(f"right robots that are blamed: {false} of {last - first}")
-    print(f"single errors that the poses can show: {tested}, in the set: {found}, with more findings: {extra}")
-    for effect, values in errors.items():
+        score.add(right, said, key, size)
+    print(f"right robots that are blamed: {score.blamed} of {score.robots}")
+    print(
+        f"single errors that the poses can show: {score.testable}, in the set: {score.named + score.listed}, "
+        f"with more findings: {score.extra}"
+    )
+    for effect, values in score.errors.items():
         print(f"{effect}: {len(values)}, median error {np.median(values):.2g}, largest {max(values):.2g}")
 
 

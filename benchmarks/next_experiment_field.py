@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -68,7 +69,7 @@ class Repeated:
         rng = np.random.default_rng([self.seed, 711, noise])
         setting = self.setting
         ref = reference_at_steps(motion)
-        extra = fresh_noise(setting.task.extra[::HELD], -(-len(ref) // HELD), rng)
+        extra = fresh_noise(setting.task.extra[::HELD], math.ceil(len(ref) / HELD), rng)
         task = task_along(setting, ref, np.repeat(extra, HELD, axis=0)[: len(ref)])
         recorder = fresh_recorder(setting.recorder, float(motion.t[-1]), rng)
         log = log_of(setting, world_with(self.one, setting.world, len(ref), payload), task, recorder)

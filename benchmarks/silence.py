@@ -74,12 +74,12 @@ def pairs(seeds: Sequence[int], *, slow: bool, jobs: int) -> Iterator[Pair]:
         names = [case.id for _, *two in made for case in two]
         run_all(default_command(), names, cases, results, jobs=jobs, what="diagnosed")
         for seed, case, without in made:
-            own, other = (_said(results, one.id) for one in (case, without))
+            own, other = (_diagnosis(results, one.id) for one in (case, without))
             if own is not None and other is not None:
                 yield _compared(seed, case, own, other)
 
 
-def _said(results: Path, name: str) -> dict | None:
+def _diagnosis(results: Path, name: str) -> dict | None:
     return json.loads((results / f"{name}.json").read_text())["diagnosis"]
 
 

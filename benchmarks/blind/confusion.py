@@ -26,13 +26,13 @@ def confusion(cases: Sequence[Judged]) -> Confusion:
     kinds = ("single", "null", "outside")
     cases = [x for x in cases if x.kind in kinds]
     rows = tuple(dict.fromkeys(x.effect for x in sorted(cases, key=lambda x: (kinds.index(x.kind), x.effect))))
-    said = {_said(x) for x in cases}
-    columns = (*[r for r in rows if r in said], *sorted(said - set(rows)))
-    counts = tuple(tuple(sum(x.effect == r and _said(x) == c for x in cases) for c in columns) for r in rows)
+    answers = {_column(x) for x in cases}
+    columns = (*[r for r in rows if r in answers], *sorted(answers - set(rows)))
+    counts = tuple(tuple(sum(x.effect == r and _column(x) == c for x in cases) for c in columns) for r in rows)
     return Confusion(rows, columns, counts)
 
 
-def _said(case: Judged) -> str:
+def _column(case: Judged) -> str:
     """Column of a case: its leading finding, or the true effect if the finding is a twin of it."""
     return case.effect if case.top1 and case.kind == "single" else case.leading
 

@@ -72,13 +72,13 @@ def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | N
                 text=True,
                 timeout=TIMEOUT,
             )
-            code, said = done.returncode, done.stderr
+            code, message = done.returncode, done.stderr
         except subprocess.TimeoutExpired:
-            code, said = -1, f"no result within {TIMEOUT:.0f} s"
+            code, message = -1, f"no result within {TIMEOUT:.0f} s"
         seconds = time.perf_counter() - start
         written = Path(place) / "diagnosis.json"
         diagnosis = json.loads(written.read_text()) if code == 0 and written.is_file() else None
-    entry = {"id": case.name, "exit_code": code, "seconds": seconds, "said": said[-2000:], "diagnosis": diagnosis}
+    entry = {"id": case.name, "exit_code": code, "seconds": seconds, "said": message[-2000:], "diagnosis": diagnosis}
     part = result.with_suffix(".part")
     part.write_text(json.dumps(entry, indent=1) + "\n")
     part.replace(result)

@@ -41,12 +41,12 @@ def load_pairs(
     if missing:
         raise SystemExit(f"{len(missing)} cases lack a result or an answer, first {missing[0]}: run run.py first.")
 
-    def caused(name: str) -> dict | None:
+    def oracle_of(name: str) -> dict | None:
         path = oracle / f"{name}.json" if oracle else None
         return _read(path) if path and path.is_file() else None
 
     read = ((n, _read(answers / f"{n}.json"), _read(results / f"{n}.json")) for n in wanted)
-    return [judged(answer, entry_without_context(answer, entry), caused(n)) for n, answer, entry in read]
+    return [judged(answer, entry_without_context(answer, entry), oracle_of(n)) for n, answer, entry in read]
 
 
 def load_baselines(answers: Path, results: Path, names: Sequence[str]) -> dict[str, list[Judged]]:

@@ -29,10 +29,9 @@ class Robot:
 
     Attributes:
         joints: Names.
-        axes: Type, axis and unit of travel of each joint, as in URDF.
-        torque: Torque of the links from parameters and motion.
-        draw: Function that draws the parameters, and the tolerance of each.
-        links: Mass, centre along x, inertia about y, and length of each link for the URDF.
+        linear: True if the joints are prismatic, along x and z; otherwise they are revolute, about y.
+        torque: Torque of the links from parameters, positions, velocities and accelerations.
+        draw: Function that draws the parameters of the links.
     """
 
     joints: tuple[str, ...]

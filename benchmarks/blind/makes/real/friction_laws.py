@@ -12,6 +12,7 @@ Array = np.ndarray
 
 
 def viscous(scene: Scene, j: int, _: Rng) -> Effect:
+    """Friction proportional to the velocity."""
     unit = scene.torque[j] / scene.speed[j]
     return acting(
         scene,
@@ -24,6 +25,7 @@ def viscous(scene: Scene, j: int, _: Rng) -> Effect:
 
 
 def coulomb(scene: Scene, j: int, _: Rng) -> Effect:
+    """Friction of constant torque against the motion."""
     unit = scene.torque[j]
     return acting(
         scene, "coulomb_friction", j, lambda s: {"torque": s * unit}, lambda p, g: p["torque"] * g.side[:, j], 0.05
@@ -53,6 +55,7 @@ def by_direction(scene: Scene, j: int, rng: Rng) -> Effect:
 
 
 def stribeck(scene: Scene, j: int, rng: Rng) -> Effect:
+    """Friction that decreases from static to Coulomb friction as the velocity grows."""
     higher, slide = rng.uniform(1.6, 3.0), scene.speed[j] * rng.uniform(0.05, 0.15)
 
     def parameters(s: float) -> dict:
@@ -79,6 +82,7 @@ def bristle(q: Array, torque: float, displacement: float) -> Array:
 
 
 def presliding(scene: Scene, j: int, rng: Rng) -> Effect:
+    """Dahl's friction, see `bristle`."""
     reach = scene.reach[j] * rng.uniform(0.02, 0.12)
     return acting(
         scene,

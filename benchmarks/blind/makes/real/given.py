@@ -91,7 +91,7 @@ def _key(source: Source, runs: Sequence[Run], corrected: str) -> str:
     return f"{source.name}-{out.hexdigest()[:16]}"
 
 
-def _said(source: Source, runs: Sequence[Run], corrected: str, out: Sequence[str], keep: Sequence[str]) -> Path:
+def _diagnosed(source: Source, runs: Sequence[Run], corrected: str, out: Sequence[str], keep: Sequence[str]) -> Path:
     """Folder with the kept files of a diagnosis, which runs only if the folder does not exist.
 
     Args:
@@ -142,7 +142,7 @@ def _said(source: Source, runs: Sequence[Run], corrected: str, out: Sequence[str
 def corrected_by(source: Source, one: Sequence[Run]) -> PartOne:
     """The diagnosis of part one and the model that it corrects."""
     names = ("corrected.yaml", "corrected.urdf", "diagnosis.json")
-    place = _said(source, one, "", ("--out", "report"), [f"report/{name}" for name in names])
+    place = _diagnosed(source, one, "", ("--out", "report"), [f"report/{name}" for name in names])
 
     def text(name: str) -> str:
         return (place / name).read_text() if (place / name).is_file() else ""
@@ -153,4 +153,4 @@ def corrected_by(source: Source, one: Sequence[Run]) -> PartOne:
 def null_diagnosis(source: Source, first: PartOne, two: Sequence[Run]) -> dict:
     """The diagnosis of part two with the corrected model, without an added effect."""
     name = "diagnosis.json"
-    return json.loads((_said(source, two, first.corrected, ("--json", name), (name,)) / name).read_text())
+    return json.loads((_diagnosed(source, two, first.corrected, ("--json", name), (name,)) / name).read_text())
