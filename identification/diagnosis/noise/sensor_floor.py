@@ -103,7 +103,7 @@ def _rounding_errors(session: Session) -> Float[Array, " nv"]:
     """Root mean square error of torques that are read in coarse steps, so that most readings repeat; 0 for others."""
     out = np.zeros(session.robot.nv)
     for recording in session.recordings:
-        for j, torque in enumerate(recording.tau.T):
+        for j, torque in enumerate(() if recording.tau is None else recording.tau.T):
             if np.mean(np.diff(torque) == 0) > _MOSTLY:
                 out[j] = max(out[j], (reading_step(torque, None) or 0.0) / np.sqrt(12.0))
     return out

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy import ndimage
 
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
@@ -36,13 +35,13 @@ def with_brakes(robot: Robot, log: Log) -> Log:
     for j in range(robot.nv):
         moves = ~still[:, j]
         borne = log.tau[moves, j] @ weight[moves, j]
-        if borne < _BEARS * (weight[moves, j] @ weight[moves, j]):
+        if borne <= _BEARS * (weight[moves, j] @ weight[moves, j]):
             continue
         usual = float(np.sqrt(np.mean(log.tau[moves, j] ** 2)))
         speed = np.abs(log.motion.v[:, j])
         slow = speed < _SLOW * np.percentile(speed, 99)
-        rests, count = ndimage.label(still[:, j])
-        for (rest,) in ndimage.find_objects(rests, count):
+        ends = np.flatnonzero(np.diff(still[:, j].astype(int), prepend=0, append=0))
+        for rest in (slice(int(start), int(stop)) for start, stop in ends.reshape(-1, 2)):
             given, needed = np.median(log.tau[rest, j]), np.median(weight[rest, j])
             long = rest.stop - rest.start >= _LEAST_REST * log.band.rate_hz
             held_by_more = abs(needed) > max(robot.coulomb_friction[j], _LARGE * usual)

@@ -1,6 +1,7 @@
 """Rests on a brake. Oracle: torques of the model, from which the drive's part is taken while the brake holds."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,7 @@ def from_point_to_point(rate: float = 200.0, rest: float = 1.5, move: float = 1.
     bend = (60 * s - 180 * s**2 + 120 * s**3) / move**2
     q, v, a, at_rest = [], [], [], []
     angles = [0.4, 1.3, 0.7] * 3
-    for start, stop in zip(angles[:-1], angles[1:], strict=True):
+    for start, stop in pairwise(angles):
         still = np.zeros(int(rest * rate))
         q += [start + still, start + (stop - start) * smooth]
         v += [still, (stop - start) * slope]
@@ -45,7 +46,7 @@ def test_a_drive_that_bears_the_weight_in_rests_keeps_its_torque(lab, pendulum):
 
 def test_a_torque_without_any_weight_is_not_a_brakes(lab, pendulum):
     # Known truth: a controller has taken the weight out of all torques, also of those in motion.
-    motion, at_rest = from_point_to_point()
+    motion, _ = from_point_to_point()
     recording = lab.recording(pendulum, motion, noise=0.01)
     weight = inverse_dynamics(pendulum, replace(motion, v=0.0 * motion.v, a=0.0 * motion.a))
     log = process(replace(recording, tau=recording.tau - weight), pendulum)
