@@ -227,7 +227,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict == "no_gap" and strays:
         joint = max(strays, key=lambda name: strays[name])
         out.append(
-            f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
+            f"In simulation {joints_words([joint])} strays {number(strays[joint])} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
     if diagnosis.verdict == "no_gap" and _joints_above_noise(diagnosis):

@@ -66,9 +66,9 @@ class BaseTilt(Effect):
         next_step="Put a level on the base, correct the mounting or the model's gravity.",
         size="of {roll} about x, {pitch} about y and {yaw} about z",
         parameters={
-            "roll": "turn of gravity about x of the base",
-            "pitch": "turn of gravity about y of the base",
-            "yaw": "turn of gravity about z of the base",
+            "roll": "turn of gravity about x of the base; the base is turned the other way",
+            "pitch": "turn of gravity about y of the base; the base is turned the other way",
+            "yaw": "turn of gravity about z of the base; the base is turned the other way",
         },
         shown_over=("position",),
         separated_by="level",
