@@ -6,10 +6,10 @@ connects two links, and with wrong link lengths the formula does not hold. There
 points, one on each link, that coincide in every posture if the formula holds. If there are no such points, the formula
 is kept.
 
-Only active joints have encoders. Passive joints keep the loops closed: an error that moves the two frames of a loop
-apart by :math:`dc` moves the passive joints by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is needed for planar loops,
-whose joints cannot move the frames in one direction. An error in this direction is not closed: in the real robot the
-bearings yield.
+Only active joints have encoders. Passive joints keep the loops closed: a placement error that moves the two frames of a
+loop apart by :math:`dc` moves the passive joints by :math:`dz = -(J_z)^+ dc`. The pseudo-inverse is needed for planar
+loops, whose joints cannot move the frames in one direction. An error in this direction is not closed: in the real robot
+the bearings yield.
 """
 
 from __future__ import annotations

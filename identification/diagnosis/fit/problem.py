@@ -45,7 +45,7 @@ class Problem:
         fitted_nuisances: Indices of the nuisances that the fits contain. The others change these recordings too little
             (`observable_nuisances`).
         total_a, total_b: Products of columns with columns and with the residual, summed over the training blocks.
-        touched: Rows on which each column is not zero.
+        touched: For each column, the rows on which it is not zero.
         bodies: The bodies whose inertial parameters an effect changes freely, by effect.
         at_readings: The problem for fits without effects that displace the links: its columns of tolerance parameters
             and rigid bodies are computed at the positions that the encoders read. None if ``columns`` are, too.

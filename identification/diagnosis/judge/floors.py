@@ -94,9 +94,10 @@ def floor_by_predictors(
     The first value is the residual of these predictors on held-out blocks, with an interval by block bootstrap. It is
     an upper limit, because it contains events that nothing predicts. Then it is corrected in this order:
 
-    1. White noise of the torque readings above the band is extrapolated into the band. The lower end of the interval is
-       at most this noise. If the noise is smaller than the value by more than `SENSOR_TIMES`, it replaces the value. If
-       it agrees with the value, or has replaced it, the source is ``above_band``.
+    1. White noise of the torque readings above the band is extrapolated into the band. If the lower end of the interval
+       is more than `SENSOR_TIMES` times the upper end of this noise, the noise replaces value and interval. If the two
+       intervals overlap, or after a replacement, the source is ``above_band``. A lower end above that of this noise is
+       lowered to it.
     2. For joints without the source ``above_band``: if the value is larger by more than `SENSOR_TIMES` than the usual
        size of the residual (from the median of its squares), as with impacts of play, the usual size replaces it.
     3. If the motion is repeated and the difference of the repetitions is smaller than the value, that difference
@@ -105,9 +106,9 @@ def floor_by_predictors(
     5. The residual where friction is uncertain, up to its uncertainty, is added to the upper end: flexible predictors
        learn how one robot sticks and creeps, but the laws of a model do not describe that.
 
-    Two exceptions: A value is replaced only if the residual of the model with the chosen effects is larger by as much,
-    too. Steps 1 and 2 replace no value that may be aliased torque: torque that is read at instants and is large above
-    the band in motion.
+    A value is replaced only if the residual of the model with the chosen effects is larger by as much, too. Steps 1 and
+    2 also replace no value that may be aliased torque: torque that is read at instants and is large above the band in
+    motion.
 
     Args:
         problem: Recordings, blocks and columns.
@@ -232,7 +233,7 @@ def uncertain_squares(
     floor: Float[Array, " nv"],
     wide: Float[Array, " nv"],
 ) -> Float[Array, " nv"]:
-    """Contribution to the mean square of samples whose friction is uncertain by more than the floor, ``(nv,)``.
+    """Part of each joint's mean square residual from samples whose friction is uncertain by more than the floor.
 
     The residual of such a sample counts up to two standard deviations of its friction. The result is zero on a joint
     whose residual is too large also where friction is certain (above ``wide`` times the noise): then uncertain friction
@@ -311,8 +312,8 @@ def floor_by_sensors(
     """The floor of each joint from the noise of its sensors, with the error of a sound model (discrepancy).
 
     The given floor remains in three cases: if it comes from repetitions; if the sensors do not show their noise; and if
-    it is smaller than the noise of the sensors. It also remains, as an upper limit, if it is larger than the residual
-    of a sound joint whose noise is white, but the noise of the joint is not white and may be as large.
+    it is smaller than the noise of the sensors. It also remains, as an upper limit, if white noise and the error of a
+    sound model do not explain it, but noise that rises towards the motion may.
 
     Errors of derivatives and filters, and the residual where friction is uncertain, are added to the upper end.
 

@@ -3,7 +3,7 @@
 The judged band, also called the band of the motion, has the low frequencies in which the corrected model is judged. New
 encoder noise is drawn for the smooth motion and propagated through derivatives, model and filters. The noise of the
 torque is assumed to be white. Its density (power per hertz) is measured above the judged band, where hardly any motion
-is. It is the smaller of two densities: that of the torque readings, which a commanded torque does not have, and that of
+is. It is the smaller of two densities: that of the torque readings (a commanded torque has none), and that of
 the measured minus the modelled torque (the balance). If the density of the balance rises towards the judged band, the
 noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. The same holds
 for torques that are read in coarse steps: the error of rounding is constant while the torque stays within a step. No
@@ -42,7 +42,7 @@ from phantom_dyn.random_streams import random_stream
 Readings = tuple[tuple[ReadingNoise | None, ...], ...]
 
 _DENSITY_UNCERTAINTY = 1.25  # largest factor between estimated and true density (benchmarks/noise_floor.py)
-_MOSTLY = 0.5  # share of readings that repeat the one before; with noise of half a step or more, fewer repeat
+_MOSTLY = 0.5  # steps are coarse if more readings repeat the one before; noise of half a step leaves fewer repeats
 _DRAWS = 4  # number of draws of reading errors: with one, their rms torque in a narrow band is uncertain by a tenth
 
 

@@ -1,6 +1,7 @@
 """Rivals of a finding: other effects that may explain the recordings in its place, with their probabilities.
 
-The most probable cause, finding or rival, leads: the diagnosis names it as the finding.
+The cause that leads, finding or rival, is the one that the diagnosis names: the most probable of those with a plausible
+size, or of all if no size is plausible.
 """
 
 from __future__ import annotations

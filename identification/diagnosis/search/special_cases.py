@@ -74,7 +74,7 @@ def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[st
     The result is None if the special case is no effect at all. Shapes count as known.
     """
     nearest = nearest_case_at_shape(robot, term, fitted)
-    if nearest is None or differs_from_simpler(nearest[0]).passed:
+    if nearest is None or differs_from_simpler(nearest[0], bool(nearest[1])).passed:
         return (term.effect_joint,)
     return tuple((name, term.joint) for name in nearest[1]) or None
 
@@ -154,6 +154,6 @@ def _nearest(
             continue
         slope = np.stack([(to[k].numbers - case.numbers) / s for to, s in zip(shifted, step, strict=True)], axis=1)
         tested.append((certainty_of_difference(case.numbers, slope @ cov @ slope.T), case.names))
-        if not differs_from_simpler(tested[-1][0]).passed:
+        if not differs_from_simpler(tested[-1][0], bool(case.names)).passed:
             return tested[-1]
     return min(tested, key=lambda one: one[0], default=None)

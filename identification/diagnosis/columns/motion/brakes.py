@@ -35,6 +35,7 @@ def with_brakes(robot: Robot, log: Log) -> Log:
     for j in range(robot.nv):
         moves = ~still[:, j]
         borne = log.tau[moves, j] @ weight[moves, j]
+        # A drive that bears no weight in motion either shows no brake.
         if borne <= _BEARS * (weight[moves, j] @ weight[moves, j]):
             continue
         usual = float(np.sqrt(np.mean(log.tau[moves, j] ** 2)))
@@ -44,15 +45,15 @@ def with_brakes(robot: Robot, log: Log) -> Log:
         for rest in (slice(int(start), int(stop)) for start, stop in ends.reshape(-1, 2)):
             given, needed = np.median(log.tau[rest, j]), np.median(weight[rest, j])
             long = rest.stop - rest.start >= _LEAST_REST * log.band.rate_hz
-            held_by_more = abs(needed) > max(robot.coulomb_friction[j], _LARGE * usual)
-            if long and held_by_more and abs(given) < _NOTHING * abs(needed):
+            too_heavy = abs(needed) > max(robot.coulomb_friction[j], _LARGE * usual)
+            if long and too_heavy and abs(given) < _NOTHING * abs(needed):
                 held = _around(rest, slow & (np.abs(log.tau[:, j]) < _BEARS * np.abs(weight[:, j])))
                 tau[held, j] = weight[held, j]
     return replace(log, tau=tau)
 
 
 def _around(rest: slice, unborne: Bool[Array, " N"]) -> slice:
-    """The middle of a rest with the samples before and after it in which the drive does not bear the weight either."""
+    """The longest run of samples around the middle of a rest in which the drive does not bear the weight."""
     bearing, middle = np.flatnonzero(~unborne), (rest.start + rest.stop) // 2
     before, after = bearing[bearing < middle], bearing[bearing >= middle]
     first = int(before[-1]) + 1 if len(before) else 0

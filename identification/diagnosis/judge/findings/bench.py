@@ -97,7 +97,7 @@ class Residuals:
     Attributes:
         judge_of: Noise floors of the joints; they depend on the set.
         over_allowed: Residual of the given joints, divided by the largest residual of a sound model with noise; zero
-            for other joints. If a value is above one, it may be smaller than the exact value.
+            for other joints. A value above one is only a lower limit of the exact one.
         has_structure: True if the state of the robot predicts a part of the residual of the given joints, or if the
             residual contains events.
     """
