@@ -2,7 +2,8 @@
 
 A special case holds if certain numbers, computed from the fit, are zero. For example, Stribeck friction is Coulomb
 friction if its excess at rest is zero. The certainty of a difference is one minus the p-value of Wald's test that these
-numbers are zero.
+numbers are zero. Here a case counts with the certainty of a single comparison; a finding has to differ from zero more
+certainly (see `differs_from_simpler`).
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[st
     The result is None if the special case is no effect at all. Shapes count as known.
     """
     nearest = nearest_case_at_shape(robot, term, fitted)
-    if nearest is None or differs_from_simpler(nearest[0], bool(nearest[1])).passed:
+    if nearest is None or differs_from_simpler(nearest[0], simpler=True).passed:
         return (term.effect_joint,)
     return tuple((name, term.joint) for name in nearest[1]) or None
 
@@ -154,6 +155,6 @@ def _nearest(
             continue
         slope = np.stack([(to[k].numbers - case.numbers) / s for to, s in zip(shifted, step, strict=True)], axis=1)
         tested.append((certainty_of_difference(case.numbers, slope @ cov @ slope.T), case.names))
-        if not differs_from_simpler(tested[-1][0], bool(case.names)).passed:
+        if not differs_from_simpler(tested[-1][0], simpler=True).passed:
             return tested[-1]
     return min(tested, key=lambda one: one[0], default=None)
