@@ -198,3 +198,9 @@ def test_degrees_in_each_others_columns_are_no_gears(clean, planar2):
         "the positions of shoulder, elbow are in degrees and not in rad",
         "the positions of shoulder and elbow are swapped",
     ]
+
+
+def test_a_zero_a_quarter_of_a_turn_away_is_refused(clean, arm):
+    recording = clean(robot=arm)
+    wrong = replace(recording, q=recording.q - [0.0, np.pi / 2, 0.0], v=None)
+    assert fault_sentences(wrong, arm) == ["the zero of tilt is 1.57 rad from that of the model"]
