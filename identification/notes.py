@@ -29,6 +29,7 @@ class Code(Enum):
     EVENT = auto()
     POSES_LEFT_OUT = auto()
     SOFT_FRICTION = auto()
+    BRAKED = auto()
     SEARCH_WITHOUT_END = auto()
     OPEN_ARRIVAL = auto()
     DRIVE_DROPS = auto()

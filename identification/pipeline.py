@@ -224,11 +224,12 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     between = bool(session.differences.own)
     judgement = with_user_words(with_catalogue_names(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
+    brakes = tuple(Note(Code.BRAKED, joint, {"file": log.file}) for log in session.logs for joint in log.braked)
     tried = {"fits": explanation.fits, "floating": robot.floating}
     endless = (Note(Code.SEARCH_WITHOUT_END, numbers=tried),) if explanation.endless else ()
     drives = (*arrival_notes(session.robot, session.recordings), *protection_notes(session))
     unlike = unlike_notes(shown.problem, judgement)
-    judgement = replace(judgement, notes=(*given.notes, *soft, *endless, *drives, *unlike, *judgement.notes))
+    judgement = replace(judgement, notes=(*given.notes, *soft, *brakes, *endless, *drives, *unlike, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)

@@ -98,6 +98,7 @@ class Log:
         position_edges: Edge of the low pass of each joint's positions [Hz], ``(nv,)``, see
             `identification.data.derivatives`; None if all joints have `identification.data.derivatives.motion_edge`.
         base_sensors: Sensors on a floating base; None for a fixed one.
+        braked: Joints that stand on a brake in some rests. There ``tau`` is the torque of the model.
     """
 
     file: str
@@ -118,6 +119,7 @@ class Log:
     switching: Float[Array, "N nv"] | None = None
     noise_covariance: tuple[float, float, float] = (1.0, 0.0, 0.0)
     position_edges: Float[Array, " nv"] | None = None
+    braked: tuple[str, ...] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

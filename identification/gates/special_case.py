@@ -8,8 +8,8 @@ from __future__ import annotations
 from identification.engine.claims import GateResult
 
 # probability: smallest certainty, by Wald's test, that the size of an effect is not zero, in the fit whose parameters
-# are reported. A search tries some fifty effects on joints, so that one of them differs from zero with a certainty of
-# 0.95 by chance. Of 15 findings on sealed cases with a certainty from 0.95 to 0.999 two were true.
+# are reported. A search tries fifty effects on joints or more. With 0.95 two or three of fifty would differ from zero
+# by chance; with 0.999 one does in a twentieth of the searches.
 DIFFERS_FROM_ZERO = 0.999
 
 # probability: smallest certainty, by the same test, that an effect differs from its simpler law: a single comparison.

@@ -242,6 +242,10 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
         "With this file friction changes sign as softly as MuJoCo's does: the recording looks simulated by it, and "
         "this softness does not count as a gap."
     ),
+    Code.BRAKED: filled(
+        "In rests of {file} the drive of {joint} gives none of the weight that it bears in motion: a brake seems to "
+        "hold it, and the torque of these rests is not used."
+    ),
     Code.SEARCH_WITHOUT_END: _search_without_end,
     Code.OPEN_ARRIVAL: _open_arrival,
     Code.DRIVE_DROPS: _drive_drops,

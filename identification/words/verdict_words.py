@@ -359,7 +359,7 @@ def _strays_unseen(diagnosis: Diagnosis) -> str:
     joint = max(strays, key=lambda name: strays[name])
     return (
         "its torque shows none, but under the recorded torque the simulated motion of "
-        f"{joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the tolerances can "
+        f"{joints_words([joint])} strays {number(strays[joint])} times as far as noise and the tolerances can "
         "make it, as by a torque that is small and slow"
     )
 

@@ -94,7 +94,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
             twins = tuple(one.parts[1] for one in best.twins if one.parts[0] is first)
             return [*out, replace(best, suspect=first, twins=()), replace(best, suspect=second, twins=twins)]
         if best.suspect.outcome == "rival":
-            # No offset that is found near the modelled zero would be a quarter of a turn or more.
+            # A diagnosis finds offsets of encoders only near the modelled zero, so another zero is reported here.
             other_zero = replace(best, suspect=replace(best.suspect, outcome="wrong"))
             return [*out, other_zero] if explains_nearly_all(best) else out
         out.append(best)

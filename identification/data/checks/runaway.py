@@ -93,7 +93,7 @@ def _by_piece(x: Float[Array, " N"]) -> Float[Array, " n"]:
 
 def _doubles(speeds: Float[Array, " n"], distances: Float[Array, " n"]) -> bool:
     """True if speed and distance double from piece to piece, up to values that no robot reaches."""
-    large = speeds.max() >= 10 * _LEAST_SPEED and distances.max() >= 10 * _LEAST_DISTANCE
+    large = bool(speeds.max() >= 10 * _LEAST_SPEED and distances.max() >= 10 * _LEAST_DISTANCE)
     return large and _first_doubling(speeds) < len(speeds) and _first_doubling(distances) < len(distances)
 
 

@@ -6,13 +6,16 @@ give a different displacement with each.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from identification.diagnosis.fit.whole_model import (
     Linearised,
     ModelLayout,
     TermSlices,
-    other_law_torque,
+    central_difference,
+    in_band,
     term_torque,
     weighted_products,
 )
@@ -22,8 +25,6 @@ from phantom_dyn.effects.rival import OtherLaw
 
 # Number of Gauss-Newton steps from one law to the other.
 _STEPS = 4
-# Step of a difference quotient, as a share of the parameter, or of the largest coefficient for a coefficient.
-_STEP = 0.03
 
 
 def other_law_shift(
@@ -50,18 +51,19 @@ def other_law_shift(
     precision, lower, upper = limits[0], limits[1].copy(), limits[2].copy()
     lower[slices.shape], upper[slices.shape] = np.sort([0.5 * x[slices.shape], 2.0 * x[slices.shape]], axis=0)
     at = slices.indices
-    own = term_torque(layout, slices, x)
+    own_law = term_torque(layout, slices, x)
     candidate = x
     for _ in range(_STEPS):
-        other = other_law_torque(layout, slices, candidate, law)
-        derivatives = [_derivative(layout, slices, candidate, law, k) for k in at]
+        of_others = candidate - x
+        of_others[at] = 0.0
+        own, shape = candidate[slices.coefficients], candidate[slices.shape]
         torque, slopes = [], []
         for log, expanded in enumerate(model.slopes):
-            change = candidate - x
-            change[at] = 0.0
-            torque.append(model.torque[log] + expanded @ change + other[log] - own[log])
+            by_other_law = partial(_by_other_law, layout, slices.term.joint, law, log)
+            torque.append(model.torque[log] + expanded @ of_others + by_other_law(own, shape) - own_law[log])
             replaced = expanded.copy()
-            replaced[:, :, at] = np.stack([derivative[log] for derivative in derivatives], axis=-1)
+            for k, column in enumerate(at):
+                replaced[:, :, column] = central_difference(by_other_law, own, shape, k)
             slopes.append(replaced)
         a, b, _ = weighted_products(layout, Linearised(tuple(torque), tuple(slopes)))
         total, gradient = a.sum(axis=0) + np.diag(precision), b.sum(axis=0) - precision * candidate
@@ -69,12 +71,8 @@ def other_law_shift(
     return candidate - x
 
 
-def _derivative(
-    layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw, k: int
-) -> tuple[Float[Array, "_ nv"], ...]:
-    """Derivative of the torque by another law with respect to parameter ``k``, by central differences, for each log."""
-    scaled_by = x[slices.coefficients] if k < slices.coefficients.stop else x[k : k + 1]
-    step = np.zeros(len(x))
-    step[k] = _STEP * max(float(np.abs(scaled_by).max()), 1e-9)
-    above, below = (other_law_torque(layout, slices, x + sign * step, law) for sign in (1.0, -1.0))
-    return tuple((high - low) / (2.0 * step[k]) for high, low in zip(above, below, strict=True))
+def _by_other_law(
+    layout: ModelLayout, joint: str | None, law: OtherLaw, log: int, own: Float[Array, " k"], shape: Float[Array, " m"]
+) -> Float[Array, "n nv"]:
+    """Torque of a term by another law with the same parameters, in the judged band."""
+    return in_band(layout, log, law(layout.operations[log], joint, own, shape))

@@ -11,6 +11,7 @@ recording. `full_fit` uses both in its Gauss-Newton steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,7 @@ from identification.diagnosis.fit.problem import Problem
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rival import OtherLaw, Shape
+from phantom_dyn.effects.rival import Shape
 
 # Relative step of finite differences. The torque of laws with memory (bristles, backlash) jumps if a parameter changes.
 # A much smaller step would give the slope of single jumps, a much larger one would average over the curvature.
@@ -181,17 +182,6 @@ def term_torque(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) 
     )
 
 
-def other_law_torque(
-    layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"], law: OtherLaw
-) -> tuple[Array, ...]:
-    """Torque of a term by another law with the same parameters, for each log ``(n, nv)``."""
-    own, shape = x[slices.coefficients], x[slices.shape]
-    return tuple(
-        in_band(layout, log, law(layout.operations[log], slices.term.joint, own, shape))
-        for log in range(len(layout.operations))
-    )
-
-
 def _linearised_log(
     layout: ModelLayout, x: Float[Array, " p"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
@@ -232,16 +222,7 @@ def _with_slopes(
         return slopes @ own, slopes
 
     def slope(k: int) -> Float[Array, "n nv"]:
-        """Derivative of the torque with respect to coefficient or shape parameter ``k``, by central differences."""
-        numbers = np.concatenate([own, shape])
-        # The step of a coefficient is relative to the largest one, as some may be zero; that of a shape, to itself.
-        scaled_by = own if k < len(own) else numbers[k : k + 1]
-        step = np.zeros(len(numbers))
-        step[k] = _STEP * max(float(np.abs(scaled_by).max()), 1e-9)
-        above, below = (
-            _torque_at(layout, slices, at[: len(own)], at[len(own) :], log) for at in (numbers + step, numbers - step)
-        )
-        return (above - below) / (2.0 * step[k])
+        return central_difference(lambda own, shape: _torque_at(layout, slices, own, shape, log), own, shape, k)
 
     if effect.shape_is_estimate or effect.first_order:
         # These laws are not linear in their coefficients, so their columns are no derivatives.
@@ -249,6 +230,22 @@ def _with_slopes(
     columns = _columns_at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
     of_shape = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
     return columns @ own, np.concatenate([columns, *of_shape], axis=2)
+
+
+def central_difference(
+    torque: Callable[[Float[Array, " k"], Float[Array, " m"]], Float[Array, "n nv"]],
+    own: Float[Array, " k"],
+    shape: Float[Array, " m"],
+    k: int,
+) -> Float[Array, "n nv"]:
+    """Derivative of a term's torque with respect to its coefficient or shape parameter ``k``, shape parameters last."""
+    numbers = np.concatenate([own, shape])
+    # The step of a coefficient is relative to the largest one, as some may be zero; that of a shape, to itself.
+    scaled_by = own if k < len(own) else numbers[k : k + 1]
+    step = np.zeros(len(numbers))
+    step[k] = _STEP * max(float(np.abs(scaled_by).max()), 1e-9)
+    above, below = (torque(at[: len(own)], at[len(own) :]) for at in (numbers + step, numbers - step))
+    return (above - below) / (2.0 * step[k])
 
 
 def _torque_at(

@@ -63,7 +63,7 @@ def test_a_model_that_moves_otherwise_than_the_robot_says_which_joint_strays(mad
     sentence = verdict_words.verdict_sentence(diagnosis)
     assert "its torque shows none" in sentence
     assert (
-        "the simulated motion of joint j2 strays 1.9 times as far as noise and the tolerances can make it" in sentence
+        "the simulated motion of joint j2 strays 1.94 times as far as noise and the tolerances can make it" in sentence
     )
 
 

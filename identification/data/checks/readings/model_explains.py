@@ -64,9 +64,8 @@ def _exchanges(robot: Robot, reading: Reading, before: Float[Array, "2 nv"]) -> 
     out: list[Suspect] = []
     for one in order_suspects(robot, poor):
         joints = list(one.joints)
-        if set(joints) <= set(poor):
-            closer = _residual_shares(robot, one.read(reading)) < as_recorded
-            out += [one] * bool(closer[joints].all())
+        if set(joints) <= set(poor) and np.all((_residual_shares(robot, one.read(reading)) < as_recorded)[joints]):
+            out.append(one)
     return out
 
 

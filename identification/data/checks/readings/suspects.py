@@ -68,8 +68,8 @@ class Suspect:
         moves: True if the correction changes positions, and so the modelled torque of every joint.
         turned: True if the correction changes only positions of joints that turn more than once as recorded.
         outcome: What to report if this suspect fits best. ``wrong``: the recording has a certain fault. ``offer``: the
-            mistake is possible, and a sentence says how to correct it. ``rival``: nothing, as the data are also
-            explained by an ordinary difference between robot and model.
+            mistake is possible, and a sentence says how to correct it. ``rival``: a certain fault, too,
+            but a mistake that fits as well is reported in its place.
         price: 0 for a usual mistake; 1 if it has fitted numbers, such as gear ratios; 2 if it also needs a load that
             the model lacks. A suspect with a higher price has to fit far better than one with a lower price.
         advice: Advice for the user in addition to the entries, or in place of entries that do not exist.
@@ -255,7 +255,10 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
 
 
 def _other_zero(robot: Robot, j: int, turn: float) -> Suspect:
-    """The rival of a wrong sign: the zero of joint ``j`` in the model is ``turn`` [rad] from that in the recording."""
+    """The suspect that the zero of joint ``j`` in the model is ``turn`` [rad] from that in the recording.
+
+    It is a rival of a wrong sign, and of another attitude of the base.
+    """
     shift = np.zeros(robot.nv)
     shift[j] = turn
     return Suspect(

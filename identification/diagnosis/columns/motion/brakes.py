@@ -29,9 +29,12 @@ _SLOW = 0.05
 
 
 def with_brakes(robot: Robot, log: Log) -> Log:
-    """The log, with the model's torque in each rest in which the drive bears no weight although it does in motion."""
+    """The log, with the model's torque in each rest in which the drive bears no weight although it does in motion.
+
+    The joints with such rests are named in ``braked`` of the log.
+    """
     weight = inverse_dynamics(robot, log.motion) - modelled_friction(robot, log.motion)
-    still, tau = standing_still(log), log.tau.copy()
+    still, tau, braked = standing_still(log), log.tau.copy(), dict[str, None]()
     for j in range(robot.nv):
         moves = ~still[:, j]
         borne = log.tau[moves, j] @ weight[moves, j]
@@ -49,7 +52,8 @@ def with_brakes(robot: Robot, log: Log) -> Log:
             if long and too_heavy and abs(given) < _NOTHING * abs(needed):
                 held = _around(rest, slow & (np.abs(log.tau[:, j]) < _BEARS * np.abs(weight[:, j])))
                 tau[held, j] = weight[held, j]
-    return replace(log, tau=tau)
+                braked[log.joint_names[j]] = None
+    return replace(log, tau=tau, braked=tuple(braked))
 
 
 def _around(rest: slice, unborne: Bool[Array, " N"]) -> slice:

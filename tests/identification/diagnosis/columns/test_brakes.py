@@ -35,13 +35,16 @@ def test_a_rest_without_torque_under_weight_gets_that_of_the_model(lab, pendulum
     log = process(braked, pendulum)
     needed = inverse_dynamics(pendulum, log.motion)
     assert np.abs(log.tau - needed)[at_rest].max() > 0.5 * np.abs(needed).max()
-    assert np.abs(with_brakes(pendulum, log).tau - needed)[at_rest].max() < 0.1 * np.abs(needed).max()
+    replaced = with_brakes(pendulum, log)
+    assert replaced.braked == pendulum.joint_names
+    assert np.abs(replaced.tau - needed)[at_rest].max() < 0.1 * np.abs(needed).max()
 
 
 def test_a_drive_that_bears_the_weight_in_rests_keeps_its_torque(lab, pendulum):
     motion, _ = from_point_to_point()
     log = process(lab.recording(pendulum, motion, noise=0.01), pendulum)
     np.testing.assert_array_equal(with_brakes(pendulum, log).tau, log.tau)
+    assert with_brakes(pendulum, log).braked == ()
 
 
 def test_a_torque_without_any_weight_is_not_a_brakes(lab, pendulum):
