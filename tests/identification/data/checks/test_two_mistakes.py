@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from by_night import by_night
+from identification.data.checks import better_readings
 from identification.data.checks.check_recording import checked
+from identification.data.checks.readings.reading_fits import ReadingFit
+from identification.data.checks.readings.suspects import Kind, Suspect
 from identification.data.readers.map_entries import entries_after
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -182,8 +185,8 @@ def test_wrong_torque_constants_are_no_exchange(clean, gantry):
 
 
 def test_newton_millimetres_beside_a_reversed_position_are_no_current(clean, planar2):
-    # Fitted factors of a current imitate the unit, and were found first.
-    recording = clean(robot=planar2)
+    # Fitted factors of a current imitate the unit in this motion.
+    recording = clean(robot=planar2, seed=2)
     wrong = replace(recording, q=recording.q * [1.0, -1.0], v=None, tau=recording.tau * 1e3)
     assert set(fault_sentences(wrong, planar2)) == {
         "the position of elbow is counted the other way round",
@@ -204,3 +207,16 @@ def test_a_zero_a_quarter_of_a_turn_away_is_refused(clean, arm):
     recording = clean(robot=arm)
     wrong = replace(recording, q=recording.q - [0.0, np.pi / 2, 0.0], v=None)
     assert fault_sentences(wrong, arm) == ["the zero of tilt is 1.57 rad from that of the model"]
+
+
+def test_of_equally_good_readings_one_without_fitted_numbers_is_taken(planar2, monkeypatch):
+    # By hand: fitted ratios fit a little better than degrees, and are listed first.
+    monkeypatch.setattr(better_readings, "misfit_as_modelled", lambda *_: 0.0)
+    monkeypatch.setattr(better_readings, "FAR_BETTER", 0.3)
+
+    def fit(kind: Kind, price: int, gain: float) -> ReadingFit:
+        suspect = Suspect(kind, (0, 1), kind, {}, lambda reading: reading, price=price)
+        return ReadingFit(suspect, np.full((2, 2), gain), np.zeros((2, 2)))
+
+    found = better_readings._likeliest(planar2, None, [fit("gears", 1, 24.0), fit("degrees", 0, 23.9)])  # pyright: ignore[reportArgumentType]
+    assert found.suspect.kind == "degrees"
