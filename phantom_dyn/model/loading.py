@@ -345,4 +345,5 @@ def _robot(
             if drives[k].controller is None and facts.drives.get(names[k], Drive()).kp is not None
         ),
         floating=stated.base == "floating",
+        unmodelled=facts.unmodelled,
     )

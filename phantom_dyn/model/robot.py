@@ -132,6 +132,7 @@ class Robot:
         model_error: Root mean square error of the model's torque that an earlier diagnosis found [N m or N],
             ``(nv, 2)``: where the joint creeps or reverses, and elsewhere. None if unknown.
         floating: True if the base is not bolted down.
+        unmodelled: Joints on which forces may act that the robot's file states and the model leaves out.
     """
 
     model: pin.Model
@@ -159,6 +160,7 @@ class Robot:
     floating: bool = False
     unknown_arrivals: tuple[str, ...] = ()
     model_error: Float[Array, "nv 2"] | None = None
+    unmodelled: frozenset[str] = frozenset()
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

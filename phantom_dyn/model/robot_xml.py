@@ -119,6 +119,7 @@ class RobotXml:
         base_joints: Joints between the world and a body that has several joints.
         play: For each joint that models the play of another joint of its body: this other joint, and the width of the
             play [rad or m].
+        unmodelled: Joints on which forces may act that the file states and the model leaves out.
     """
 
     name: str
@@ -133,6 +134,7 @@ class RobotXml:
     drives: dict[str, Drive] = field(default_factory=dict)
     play: dict[str, tuple[str, float]] = field(default_factory=dict)
     base_joints: frozenset[str] = frozenset()
+    unmodelled: frozenset[str] = frozenset()
 
 
 def read_root(path: Path) -> tuple[Element, str]:

@@ -16,6 +16,13 @@ from phantom_dyn.array_types import Array
 from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.model.from_mjcf.mjcf_drives import driven_joints, drives_of
 from phantom_dyn.model.from_mjcf.mjcf_followers import followers_of, play_of
+from phantom_dyn.model.from_mjcf.mjcf_forces import (
+    gravity_and_force_warnings,
+    joints_of,
+    modelled_gravity,
+    omitted_forces,
+    switched_off,
+)
 from phantom_dyn.model.from_mjcf.mjcf_tree import pose_of
 from phantom_dyn.model.robot_config import FrameLoop, PointLoop
 from phantom_dyn.model.robot_xml import (
@@ -40,7 +47,7 @@ if TYPE_CHECKING:
 _LARGEST_MASS = 1e9
 # Kinds of equalities, by MuJoCo's mjtEq.
 _CONNECT, _WELD = 0, 1
-_NO_GRAVITY, _NO_EQUALITY = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY"
+_NO_EQUALITY = "mjDSBL_EQUALITY"
 
 
 def check_mjcf(root: Element, path: Path) -> None:
@@ -88,22 +95,23 @@ def mjcf_facts(root: Element, sha256: str, path: Path, compiled: mujoco.MjModel)
     Raises:
         RobotError: If a joint follows another one by a curve.
     """
-    gravity, remarks = _gravity(compiled, path)
-    x, y, z = gravity
+    x, y, z = modelled_gravity(compiled)
+    omitted = omitted_forces(compiled)
     driven = driven_joints(compiled)
     return RobotXml(
         root.get("model", ""),
         sha256,
         tuple(_body(compiled, body, path) for body in range(1, compiled.nbody)),
-        followers_of(compiled, driven, path) if not _switched_off(compiled, _NO_EQUALITY) else {},
+        followers_of(compiled, driven, path) if not switched_off(compiled, _NO_EQUALITY) else {},
         (x, y, z),
-        (*remarks, *_warnings(compiled, path)),
-        _loops(compiled) if not _switched_off(compiled, _NO_EQUALITY) else (),
+        gravity_and_force_warnings(compiled, omitted, path),
+        _loops(compiled) if not switched_off(compiled, _NO_EQUALITY) else (),
         driven,
         _soft_frictions(compiled),
         drives_of(compiled),
         play_of(compiled, driven),
         _base_joints(compiled),
+        joints_of(omitted),
     )
 
 
@@ -112,31 +120,6 @@ def _base_joints(compiled: mujoco.MjModel) -> frozenset[str]:
     on_world = np.flatnonzero(compiled.body_weldid[compiled.body_parentid] == 0)
     bases = [body for body in on_world if compiled.body_jntnum[body] > 1]
     return frozenset(compiled.joint(k).name for k in range(compiled.njnt) if compiled.jnt_bodyid[k] in bases)
-
-
-def _switched_off(compiled: mujoco.MjModel, flag: str) -> bool:
-    """True if the file disables a feature of MuJoCo."""
-    import mujoco
-
-    return bool(compiled.opt.disableflags & int(getattr(mujoco.mjtDisableBit, flag)))
-
-
-def _gravity(compiled: mujoco.MjModel, path: Path) -> tuple[Array, tuple[str, ...]]:
-    """Gravity [m/s^2], reduced by the gravity compensation of the bodies (gravcomp), and a sentence if there is any."""
-    gravity = np.array(compiled.opt.gravity) * (not _switched_off(compiled, _NO_GRAVITY))
-    moving = (compiled.body_weldid[1:] > 0) & (compiled.body_mass[1:] > 0)
-    compensation = compiled.body_gravcomp[1:][moving]
-    if not compensation.any() or not gravity.any():
-        return gravity, ()
-    # Compensation by the drives is a part of their torque, so that gravity acts in full.
-    by_drives = np.array(compiled.jnt_actgravcomp).astype(bool)
-    if by_drives.all():
-        return gravity, ()
-    if by_drives.any() or np.ptp(compensation) > 0:
-        return gravity, (f"{path} states gravcomp of <body>, which the model leaves out: a gap may come from it.",)
-    share = compensation[0]
-    sentence = f"{path} states gravcomp {share:g} for every body: gravity is taken {1 - share:g} times."
-    return gravity * (1 - share), (sentence,)
 
 
 def _soft_frictions(compiled: mujoco.MjModel) -> dict[str, SoftFriction]:
@@ -237,26 +220,6 @@ def _loop(compiled: mujoco.MjModel, k: int) -> MjcfLoop:
         places = [(*data[:3], *upright), (*data[3:6], *upright)]
     frames = ["universe" if name == "world" else name for name in (first, second)]
     return MjcfLoop(label, "frame" if weld and data[10] > 0 else "point", frames[0], frames[1], *places)
-
-
-def _warnings(compiled: mujoco.MjModel, path: Path) -> tuple[str, ...]:
-    """A sentence on forces that MuJoCo simulates and the model leaves out."""
-    fixed = "<fixed>, <spatial>"
-    acting = (
-        ("stiffness of <joint>", ("jnt_stiffness", "jnt_stiffnesspoly")),
-        ("damping of <joint> that grows with speed", ("dof_dampingpoly",)),
-        (f"stiffness of {fixed}", ("tendon_stiffness", "tendon_stiffnesspoly")),
-        (f"damping of {fixed}", ("tendon_damping", "tendon_dampingpoly")),
-        (f"frictionloss of {fixed}", ("tendon_frictionloss",)),
-        (f"armature of {fixed}", ("tendon_armature",)),
-    )
-    found = [what for what, arrays in acting if any(np.any(getattr(compiled, a, 0.0)) for a in arrays)]
-    option = compiled.opt
-    medium = (("density", option.density), ("viscosity", option.viscosity), ("wind", option.wind))
-    found += [f"{what} of <option>" for what, value in medium if np.any(value)]
-    if not found:
-        return ()
-    return (f"{path} states {', '.join(found)}, which the model leaves out: a gap may come from it.",)
 
 
 def drawn_configuration(model: pin.Model) -> Array:

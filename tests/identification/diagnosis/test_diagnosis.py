@@ -210,3 +210,10 @@ def test_evidence_holds_the_samples_in_the_band(diagnosed):
     assert evidence.tau_measured.shape == evidence.tau_after.shape == (len(evidence.t), 2)
     rest = (evidence.tau_measured - evidence.tau_after)[:, 1]
     assert np.sqrt(np.mean(rest**2)) == pytest.approx(found.joints[1].rms_after, rel=0.1)
+
+
+def test_a_finding_where_the_file_states_forces_that_the_model_leaves_out_is_uncertain(planar2, lacking):
+    recording = lacking(("coulomb_friction", "elbow", (0.3,)), ("coulomb_friction", "shoulder", (0.3,)))
+    found = diagnose(replace(planar2, unmodelled=frozenset({"elbow"})), (recording,)).findings
+    # 0.5 is the largest probability that docs/files.md states.
+    assert {one.joint: one.probability for one in found} == {"elbow": 0.5, "shoulder": pytest.approx(1.0, abs=0.02)}

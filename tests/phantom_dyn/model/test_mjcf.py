@@ -366,6 +366,19 @@ def test_nothing_is_written_into_the_working_folder(tmp_path, monkeypatch):
 def test_a_spring_of_a_tendon_is_said_to_be_left_out(tmp_path):
     tendon = '<tendon><fixed stiffness="3"><joint joint="elbow" coef="1"/></fixed></tendon>'
     (tmp_path / "robot.xml").write_text(arm(LOWER.format(LINK), rest=tendon))
-    assert (
-        "stiffness of <fixed>, <spatial>, which the model leaves out" in load_robot(tmp_path / "robot.xml").warnings[0]
-    )
+    robot = load_robot(tmp_path / "robot.xml")
+    assert "stiffness of <fixed>, <spatial>, which the model leaves out" in robot.warnings[0]
+    assert robot.unmodelled == {"elbow"}
+
+
+def test_gravcomp_of_a_single_body_acts_on_the_joints_that_carry_it(tmp_path):
+    text = arm(LOWER.format(LINK), first=LINK).replace('"upper"', '"upper" gravcomp="1"')
+    (tmp_path / "robot.xml").write_text(text)
+    robot = load_robot(tmp_path / "robot.xml")
+    assert "gravcomp of <body>, which the model leaves out: a gap on shoulder may come from it" in robot.warnings[0]
+
+
+def test_a_fluid_acts_on_all_joints(tmp_path):
+    text = arm(LOWER.format(LINK), head='<compiler angle="radian"/><option density="1.2"/>')
+    (tmp_path / "robot.xml").write_text(text)
+    assert load_robot(tmp_path / "robot.xml").unmodelled == {"shoulder", "elbow"}

@@ -13,7 +13,7 @@ Two notes need an explanation:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,12 +27,14 @@ from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, p
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.imitation import (
     OF_A_MODEL,
+    OMITTED_FORCES,
     UNCERTAIN,
     beside_imitation,
     imitation_of,
     is_inertial_or_scale,
     joints_on_lines,
     joints_with_computed_torque,
+    joints_with_unmodelled_forces,
     with_limit,
 )
 from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
@@ -120,6 +122,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
     shares = shares_of(judge, plain, shown.named)
     on_lines, in_sines = joints_on_lines(problem.session), problem.session.in_one_sine
     computed_torque = joints_with_computed_torque(problem.session)
+    unmodelled = joints_with_unmodelled_forces(robot)
 
     def gap_share(without: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
         return (without.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judge, within, after, weights)
@@ -133,6 +136,8 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
             comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
         if not computed_torque.isdisjoint(rows):
             comparison = with_limit(comparison, term, OF_A_MODEL)
+        if not unmodelled.isdisjoint(rows):
+            comparison = replace(comparison, probability=min(comparison.probability, OMITTED_FORCES))
         low, high = np.percentile(gap_share(without, drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,

@@ -23,6 +23,7 @@ from identification.diagnosis.search.containment import can_join, contains
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search
 from identification.engine.numerics.bounded import solve
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 # Largest number of effects in a sum.
@@ -31,6 +32,8 @@ _MOST = 3
 UNCERTAIN = 0.85
 # Largest probability of the same findings if the torque was computed and not measured, perhaps with another model.
 OF_A_MODEL = 0.5
+# Largest probability of each finding on a joint on which the robot's file states forces that the model leaves out.
+OMITTED_FORCES = 0.5
 
 
 def joints_on_lines(session: Session) -> frozenset[int]:
@@ -118,6 +121,14 @@ def with_limit(comparison: RivalComparison, term: Term, most: float) -> RivalCom
     """The comparison, with a probability of at most ``most`` for a load, wrong links or a torque scale."""
     limit = most if is_inertial_or_scale(term) else np.inf
     return replace(comparison, probability=min(comparison.probability, limit))
+
+
+def joints_with_unmodelled_forces(robot: Robot) -> frozenset[int]:
+    """Indices of the joints on which forces may act that the robot's file states and the model leaves out."""
+    passive = () if robot.chain is None else robot.chain.passive_names
+    if not robot.unmodelled.isdisjoint(passive):
+        return frozenset(range(robot.nv))
+    return frozenset(k for k, joint in enumerate(robot.joint_names) if joint in robot.unmodelled)
 
 
 def joints_with_computed_torque(session: Session) -> frozenset[int]:
