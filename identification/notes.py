@@ -18,6 +18,7 @@ class Code(Enum):
     TORQUE_ASKED = auto()
     MOTION_ONLY = auto()
     HELD_SEEN = auto()
+    REFERENCE_OF_STEP = auto()
     GAINS_ESTIMATED = auto()
     GAIN_BY_FRICTION = auto()
     GAIN_OR_CONSTANT = auto()

@@ -1,9 +1,12 @@
-"""Detects drives that hold each reference until the next row of the log, and removes the response to its steps.
+"""Detects drives that hold each reference for a row of the log, and removes the response to its steps.
 
 A held reference (zero-order hold) acts half a row late on average. It also jumps at every row, and the joint responds
 to each jump. As the log has one sample per row, this response is aliased to the frequencies of the motion. There it
 looks like a torque that couples the joints. The response is linear in the references, and follows from gains and
 inertia. It is subtracted from the positions.
+
+Simulated environments often log the positions after a step beside the action of that step. Each reference then acts in
+the row before its own.
 """
 
 from __future__ import annotations
@@ -36,6 +39,9 @@ _POSTURES = 50
 _SEEN, _LOSS = 0.3, 0.2
 # Delays of the references [rows] that held references must outperform; a hold delays them by half a row on average.
 _OTHER_DELAYS = (0.25, 0.75)
+# Advances of the references [rows]: of references that act in the row before their own, if they act at once or are held,
+# and of others that must explain the torque less well. A drive that uses the velocity of the reference looks advanced too.
+_STEP_BEFORE, _OTHER_ADVANCES = (1.0, 0.5), (0.0, 1.75)
 # Time between rows [s] below which a hold does not matter: half a row is less than the usual delay of a drive, and the
 # steps hardly move a joint.
 _SHORT = 0.004
@@ -58,8 +64,11 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
     if gain is None or q_ref is None or not gain.any() or robot.nv > _MOST_JOINTS or not _has_slow_even_rows(recording):
         return recording
     stated = holds_references(recording, robot)
-    if not stated and (robot.reference_hold is not None or robot.torque_hold == "zoh"):
+    how_is_stated = robot.reference_hold is not None or robot.torque_hold == "zoh"
+    if how_is_stated and not stated:
         return recording
+    if not how_is_stated:
+        recording = _with_references_in_their_step(robot, recording)
     compared = busiest(recording)
     held = replace(compared, references_held=True)
     try:
@@ -74,6 +83,26 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
     row_time = float(np.median(np.diff(recording.t)))
     note = Note(Code.HELD_SEEN, numbers={"file": recording.file, "row": row_time})
     return replace(recording, references_held=True, notes=(*recording.notes, note))
+
+
+def _with_references_in_their_step(robot: Robot, recording: Recording) -> Recording:
+    """The recording with each reference moved to the row before, and a note, if references act in the row before."""
+    compared = busiest(recording)
+    try:
+        as_recorded = unexplained_torque(robot, compared)
+        gains = {
+            rows: np.log(as_recorded / unexplained_torque(robot, _delayed(compared, -rows)))
+            for rows in (*_STEP_BEFORE, *_OTHER_ADVANCES)
+        }
+    except (ChainError, LogError):
+        return recording
+    best = max(_STEP_BEFORE, key=lambda rows: gains[rows].mean())
+    least = max(_SEEN, *(gains[rows].mean() for rows in _OTHER_ADVANCES))
+    if gains[best].mean() <= least or gains[best].min() < -_LOSS:
+        return recording
+    row_time = float(np.median(np.diff(recording.t)))
+    note = Note(Code.REFERENCE_OF_STEP, numbers={"file": recording.file, "row": row_time})
+    return replace(_delayed(recording, -1.0), notes=(*recording.notes, note))
 
 
 def _has_slow_even_rows(recording: Recording) -> bool:
@@ -110,12 +139,18 @@ def unexplained_torque(robot: Robot, recording: Recording) -> Float[Array, "2 nv
     return np.where(np.isnan(shares), 1.0, np.sqrt(np.maximum(shares, 1e-12) * np.maximum(variances, 1e-300)))
 
 
-def _delayed(recording: Recording, part: float) -> Recording:
-    """The recording with its references, and the torque that they command, delayed by a part of a row."""
+def _delayed(recording: Recording, rows: float) -> Recording:
+    """The recording with its references, and the torque that they command, delayed by a number of rows.
+
+    Args:
+        recording: Recording whose torque is that of the controllers.
+        rows: Number of rows; negative if the references come earlier.
+    """
     assert recording.q_ref is not None
     assert recording.tau is not None
     assert recording.reference_gain is not None
-    q_ref = (1 - part) * recording.q_ref + part * np.vstack([recording.q_ref[:1], recording.q_ref[:-1]])
+    row = np.arange(len(recording.t))
+    q_ref = np.column_stack([np.interp(row - rows, row, column) for column in recording.q_ref.T])
     tau = recording.tau + recording.reference_gain * (q_ref - recording.q_ref)
     return replace(recording, q_ref=read_only(q_ref), tau=read_only(tau))
 

@@ -35,6 +35,15 @@ def _held_seen(note: Note) -> str:
     )
 
 
+def _reference_of_step(note: Note) -> str:
+    n = note.numbers
+    return (
+        f"{n['file']}: each reference is taken as that of the step before its row, {1e3 * n['row']:.3g} ms earlier: "
+        "positions after a step were logged beside the reference of that step, as simulated environments do. Read so, "
+        "far less is left."
+    )
+
+
 def _gains_stated(gains: Mapping[str, tuple[float, float, float]]) -> str:
     """Clause on the gains that the robot's file states; joints with equal gains are named together."""
     if not gains:
@@ -219,6 +228,7 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.TORQUE_ASKED: filled("{file}: without torque columns, the torque is what its controllers asked for."),
     Code.MOTION_ONLY: _motion_only,
     Code.HELD_SEEN: _held_seen,
+    Code.REFERENCE_OF_STEP: _reference_of_step,
     Code.GAINS_ESTIMATED: _gains_estimated,
     Code.GAIN_BY_FRICTION: _gain_by_friction,
     Code.GAIN_OR_CONSTANT: filled(

@@ -113,6 +113,23 @@ def test_references_that_are_held_are_seen(robot, angles):
     assert [note.code for note in found.notes][-1] is Code.HELD_SEEN
 
 
+def test_references_of_the_step_before_their_row_are_moved_to_it(robot, angles):
+    recording = recorded(robot, np.append(angles["held"][1:], angles["held"][-1]))
+    found = with_held_references(robot, recording)
+    assert [note.code for note in found.notes][-2:] == [Code.REFERENCE_OF_STEP, Code.HELD_SEEN]
+    np.testing.assert_allclose(found.q_ref[:-1], recording.q_ref[1:], atol=1e-12)
+
+
+def test_a_drive_that_uses_the_velocity_of_its_reference_has_no_references_of_the_step_before(robot):
+    # Closed form: with the velocity of the reference in the damping, the joint follows nearly without error.
+    q = sum(
+        np.imag(0.3 * np.exp(1j * p) * (KD * s + KP) / (INERTIA * s**2 + KD * s + KP) * np.exp(s * T))
+        for s, p in ((2j * np.pi * f, p) for f, p in SINES)
+    )
+    recording = recorded(robot, q)
+    assert with_held_references(robot, recording) is recording
+
+
 @pytest.mark.parametrize("how", ["at once", "late"])
 def test_references_that_move_on_between_rows_are_not_held(robot, angles, how):
     recording = recorded(robot, angles[how])
