@@ -39,8 +39,8 @@ _POSTURES = 50
 _SEEN, _LOSS = 0.3, 0.2
 # Delays of the references [rows] that held references must outperform; a hold delays them by half a row on average.
 _OTHER_DELAYS = (0.25, 0.75)
-# Advances of the references [rows]: of references that act in the row before their own, if they act at once or are held,
-# and of others that must explain the torque less well. A drive that uses the velocity of the reference looks advanced too.
+# Advances [rows] of references that act in the row before their own, if they act at once or are held, and advances that
+# must explain the torque less well. A drive that uses the velocity of the reference looks advanced, too.
 _STEP_BEFORE, _OTHER_ADVANCES = (1.0, 0.5), (0.0, 1.75)
 # Time between rows [s] below which a hold does not matter: half a row is less than the usual delay of a drive, and the
 # steps hardly move a joint.
