@@ -73,7 +73,8 @@ def gravity_and_force_warnings(
     if omitted:
         joints = [one.name for one in map(compiled.joint, range(compiled.njnt)) if one.name in joints_of(omitted)]
         sentences.append(
-            f"{path} states {', '.join(omitted)}, which the model leaves out: a gap on {listed(joints)} may come from it."
+            f"{path} states {', '.join(omitted)}, which the model leaves out: "
+            f"a gap on {listed(joints)} may come from it."
         )
     return tuple(sentences)
 
