@@ -182,6 +182,20 @@ class Effect(Rival):
         An effect of an encoder, a drive or a transmission returns minus the additional drive torque in the recording.
         """
 
+    def looks_like(
+        self, robot: Robot, operation: Operation, joint: str | None, other: str, theta: Float[Array, " p"]
+    ) -> bool:
+        """True if the recording cannot show the effect because it looks like another effect on the same joint.
+
+        Args:
+            robot: Model.
+            operation: Motion and torque of the recording.
+            joint: Joint of both effects.
+            other: Name of the other effect.
+            theta: Parameters of the other effect.
+        """
+        return False
+
     def link_ahead(
         self, operation: Operation, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"] | None:

@@ -35,6 +35,8 @@ ORDER = 1.0
 """Periods of the error in one turn of the joint."""
 # Smallest arc [rad] that shows the effect; over this arc a sine differs from a straight line by 1 % of its amplitude.
 _LEAST_ARC = 0.5
+# Largest amplitude of a sound device [rad].
+_LARGEST = 0.1
 # Number of Newton steps for the true angle. They converge quadratically from a first guess whose error is at most the
 # amplitude.
 _NEWTON_STEPS = 8
@@ -77,7 +79,7 @@ class EncoderEccentricity(Effect):
                 "amplitude",
                 unit,
                 0.0,
-                plausible=(0.0, 0.1),
+                plausible=(0.0, _LARGEST),
                 plausible_because="a disc so far off its centre that it reads six degrees wrong leaves its sensor",
             ),
             Parameter(
@@ -116,10 +118,15 @@ class EncoderEccentricity(Effect):
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Reason if the joint turns over a small arc only, where the error looks like an offset."""
-        arc = float(np.ptp(operation.q[:, row_of(robot, joint)]))
+        arc = _arc(robot, operation, joint)
         if arc < _LEAST_ARC:
             return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine looks like a line"
         return None
+
+    def looks_like(self, robot: Robot, operation: Operation, joint: str | None, other: str, theta: Array) -> bool:
+        """True for an encoder offset that a disc may have, if the joint turns over a small arc only."""
+        is_offset = other == "encoder_offset" and abs(theta.item()) <= _LARGEST
+        return is_offset and _arc(robot, operation, joint) < _LEAST_ARC
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Drive torque of the motion as read, minus that of the true motion."""
@@ -139,6 +146,11 @@ class EncoderEccentricity(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A reading law that adds the error."""
         return Simulated(laws=(Law(eccentric_law, row_of(robot, joint), tuple(map(float, theta))),))
+
+
+def _arc(robot: Robot, operation: Operation, joint: str | None) -> float:
+    """Arc over which a joint turns [rad]."""
+    return float(np.ptp(operation.q[:, row_of(robot, joint)]))
 
 
 def _true_minus_read(motion: Motion, row: int, theta: Array) -> tuple[Array, Array, Array]:

@@ -126,10 +126,20 @@ class Backlash(Effect):
         """Reason if the link never becomes loose, or the encoder is on the link's side and does not show the gap."""
         row = row_of(robot, joint)
         hidden = behind_encoder(robot, row)
-        load = operation.transmitted[:, row]
-        if hidden is None and not (load.min() < 0 < load.max()):
+        if hidden is None and not _changes_sign(operation.transmitted[:, row]):
             return "the transmitted torque never changes sign"
         return hidden
+
+    def looks_like(self, robot: Robot, operation: Operation, joint: str | None, other: str, theta: Array) -> bool:
+        """True for an encoder offset of half a gap if the load keeps its sign: the motor is ahead of the link by it.
+
+        A gap may be twice as wide as the widest that is plausible.
+        """
+        row = row_of(robot, joint)
+        load, widest = operation.transmitted[:, row], _WIDEST_LINEAR if robot.prismatic[row] else _WIDEST
+        if other != "encoder_offset" or behind_encoder(robot, row) is not None or _changes_sign(load):
+            return False
+        return bool(0.0 < np.sign(load.mean()) * theta.item() <= widest)
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the additional drive torque with this gap."""
@@ -240,6 +250,11 @@ def _fly(
             break
     lead[k + 1] = place
     return k + 1, (1.0 if place > 0 else -1.0)
+
+
+def _changes_sign(load: Float[Array, " N"]) -> bool:
+    """True if a load [N m or N] has both signs."""
+    return bool(load.min() < 0 < load.max())
 
 
 def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:

@@ -51,6 +51,7 @@ from identification.diagnosis.judge.findings.shown_numbers import (
     with_unknown_marked,
 )
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
+from identification.diagnosis.judge.findings.untestable_rivals import beside_untestable_rivals
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
@@ -138,6 +139,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
             comparison = with_limit(comparison, term, OF_A_MODEL)
         if not unmodelled.isdisjoint(rows):
             comparison = replace(comparison, probability=min(comparison.probability, OMITTED_FORCES))
+        comparison = beside_untestable_rivals(problem, term, shown.full_fit.coefficients(term), comparison)
         low, high = np.percentile(gap_share(without, drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,

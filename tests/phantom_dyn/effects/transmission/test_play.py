@@ -150,6 +150,24 @@ def test_a_load_that_touches_zero_has_not_changed_its_sign(planar):
     assert BACKLASH.untestable(planar, touching, "elbow") == "the transmitted torque never changes sign"
 
 
+def test_a_play_under_a_load_that_keeps_its_sign_looks_like_an_offset_of_half_of_it(planar):
+    # Inverse dynamics: with a load that keeps its sign, the link is half the gap behind its motor at all times.
+    t = np.arange(200) / 100.0
+    q = np.column_stack([0.0 * t, 0.8 + 0.3 * np.sin(3.0 * t)])
+    v = np.column_stack([0.0 * t, 0.9 * np.cos(3.0 * t)])
+    a = np.column_stack([0.0 * t, -2.7 * np.sin(3.0 * t)])
+    operation = Operation.of(planar, Motion(t, q, v, a))
+    load = operation.transmitted[:, 1]
+    offset = 0.5 * GAP * np.sign(load.mean())
+    assert load.min() * load.max() > 0
+    assert BACKLASH.looks_like(planar, operation, "elbow", "encoder_offset", np.array([offset]))
+    assert not BACKLASH.looks_like(planar, operation, "elbow", "encoder_offset", np.array([-offset]))
+
+
+def test_a_play_under_a_load_of_both_signs_does_not_look_like_an_offset(arm, smooth):
+    assert not BACKLASH.looks_like(arm, smooth, "tilt", "encoder_offset", np.array([0.5 * GAP]))
+
+
 def test_the_share_of_a_play_is_one_give_or_take_a_half(planar):
     assert BACKLASH.coefficient_bounds(planar, "elbow", (GAP,)) == ((0.5, 1.5),)
 
