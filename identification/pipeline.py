@@ -34,7 +34,7 @@ from identification.scenarios.measured_poses import diagnosis_of_poses, with_pos
 from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.protected_drives import protection_notes
 from identification.scenarios.torque_or_motion import Reader, driven_by_controllers, torque_or_motion
-from identification.scenarios.unlike_recordings import unlike_notes
+from identification.scenarios.unlike_recordings import doubted_if_unlike
 from identification.stages import Announcement, Progress, Stage
 from identification.words.user_words import with_user_words
 from phantom_dyn import __version__
@@ -228,8 +228,8 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     tried = {"fits": explanation.fits, "floating": robot.floating}
     endless = (Note(Code.SEARCH_WITHOUT_END, numbers=tried),) if explanation.endless else ()
     drives = (*arrival_notes(session.robot, session.recordings), *protection_notes(session))
-    unlike = unlike_notes(shown.problem, judgement)
-    judgement = replace(judgement, notes=(*given.notes, *soft, *brakes, *endless, *drives, *unlike, *judgement.notes))
+    judgement = doubted_if_unlike(shown.problem, judgement)
+    judgement = replace(judgement, notes=(*given.notes, *soft, *brakes, *endless, *drives, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
     found = with_poses(found, robot, given.tracked, given.places)

@@ -1,6 +1,8 @@
-"""Makes a note if the given model fits only some recordings, for example because the robot carried a load in others."""
+"""Doubts all findings if the given model fits only some recordings, as if the robot carried a load in the others."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +18,25 @@ from phantom_dyn.array_types import Array, Float
 _AS_MUCH = 0.5
 
 
-def unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
+def doubted_if_unlike(problem: Problem, judgement: Judgement) -> Judgement:
+    """The judgement, with a note and less probable findings if the given model fits only some of the recordings.
+
+    A finding acts in all recordings. It would show in those that the model fits, too.
+
+    Args:
+        problem: Robot and recordings.
+        judgement: Verdict, findings and noise of each joint.
+    """
+    notes = _unlike_notes(problem, judgement)
+    if not notes:
+        return judgement
+    findings = tuple(
+        replace(one, probability=min(one.probability, contract_levels.DOUBTED)) for one in judgement.findings
+    )
+    return replace(judgement, findings=findings, notes=(*judgement.notes, *notes))
+
+
+def _unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
     """At most one note, which lists the recordings that the given model fits and those that it does not fit.
 
     The model fits a recording if its residual may be noise on every joint. The recording counts only if, on the joints

@@ -26,6 +26,8 @@ def test_where_one_of_two_recordings_fits_the_model_a_note_names_both(rubbing, p
     found = diagnose(pendulum, (rubbing(1, 0.0, "free.csv"), rubbing(2, 2.0, "rubs.csv")))
     assert found.verdict != "explained"
     assert unlike(found) == [{"fit": ("free.csv",), "misfit": ("rubs.csv",), "joints": ("pin",)}]
+    # A cause in both recordings would show in both.
+    assert max(one.probability for one in found.findings) <= 0.5
 
 
 def test_where_both_have_the_gap_there_is_nothing_to_say(rubbing, pendulum):

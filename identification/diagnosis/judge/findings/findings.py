@@ -26,8 +26,6 @@ from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.imitation import (
-    OF_A_MODEL,
-    OMITTED_FORCES,
     UNCERTAIN,
     beside_imitation,
     imitation_of,
@@ -56,6 +54,7 @@ from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_touched_by
+from identification.engine import contract_levels
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
 from identification.notes import Code, Note, Said
@@ -136,9 +135,9 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
         if not on_lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not in_sines.isdisjoint(rows)):
             comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
         if not computed_torque.isdisjoint(rows):
-            comparison = with_limit(comparison, term, OF_A_MODEL)
+            comparison = with_limit(comparison, term, contract_levels.DOUBTED)
         if not unmodelled.isdisjoint(rows):
-            comparison = replace(comparison, probability=min(comparison.probability, OMITTED_FORCES))
+            comparison = replace(comparison, probability=min(comparison.probability, contract_levels.DOUBTED))
         comparison = beside_untestable_rivals(problem, term, shown.full_fit.coefficients(term), comparison)
         low, high = np.percentile(gap_share(without, drawn), [2.5, 97.5])
         finding = Finding(

@@ -30,10 +30,6 @@ from phantom_dyn.motion import Motion
 _MOST = 3
 # Largest probability of a load, of links and of torque scales in such motions: sums of more effects may imitate them.
 UNCERTAIN = 0.85
-# Largest probability of the same findings if the torque was computed and not measured, perhaps with another model.
-OF_A_MODEL = 0.5
-# Largest probability of each finding on a joint on which the robot's file states forces that the model leaves out.
-OMITTED_FORCES = 0.5
 
 
 def joints_on_lines(session: Session) -> frozenset[int]:

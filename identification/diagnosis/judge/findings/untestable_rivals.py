@@ -40,6 +40,6 @@ def beside_untestable_rivals(
     if not alike:
         return comparison
     equal = comparison.probability / (1 + len(alike))
-    added = [Rival((EffectAt(name, term.joint),), equal) for name in alike]
-    ranked = tuple(sorted([*comparison.rivals, *added], key=lambda rival: -rival.probability))
-    return replace(comparison, probability=equal, rivals=ranked)
+    ranked = [*comparison.rivals, *(Rival((EffectAt(name, term.joint),), equal) for name in alike)]
+    ranked.sort(key=lambda rival: -rival.probability)
+    return replace(comparison, probability=equal, rivals=tuple(ranked))
