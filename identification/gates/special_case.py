@@ -13,6 +13,7 @@ from identification.engine.claims import GateResult
 DIFFERS_FROM_ZERO = 0.999
 
 # probability: smallest certainty, by the same test, that an effect differs from its simpler law: a single comparison.
+# The same if noise cannot be the cause of the gap that the effect closes: something is there, and the question is what.
 DIFFERS_FROM_SIMPLER = 0.95
 
 # probability: smallest certainty, by Student's test, that play and spring of a joint are both not zero if both are
@@ -30,7 +31,7 @@ PART_SHARE = 0.75
 PART_CERTAIN = 0.9
 
 
-def differs_from_simpler(certain: float, simpler: bool) -> GateResult:
+def differs_from_simpler(certain: float, something_there: bool) -> GateResult:
     """Is the size of an effect not zero, and does the effect differ from the simpler law that is its special case?
 
     For example, Coulomb friction is the simpler law of Stribeck friction.
@@ -39,9 +40,10 @@ def differs_from_simpler(certain: float, simpler: bool) -> GateResult:
     Args:
         certain: Probability that a recording without the difference (size zero, or the simpler law true) would show a
             smaller one.
-        simpler: True if the special case is a simpler law, False if it is no effect at all.
+        something_there: True if the special case is a simpler law, or if the gap that the effect closes cannot be
+            noise; False if there may be no effect at all.
     """
-    needed = DIFFERS_FROM_SIMPLER if simpler else DIFFERS_FROM_ZERO
+    needed = DIFFERS_FROM_SIMPLER if something_there else DIFFERS_FROM_ZERO
     return GateResult("differs from simpler", certain, needed, "probability", certain >= needed)
 
 

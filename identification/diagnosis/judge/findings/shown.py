@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.fit.gap import residual_sums
 from identification.diagnosis.judge.findings.bench import Bench, Shown, State
+from identification.diagnosis.judge.findings.certain_gaps import closes_certain_gap, gain_in_highest_noise
 from identification.diagnosis.judge.findings.missing_parts import (
     bodies_expressing_part,
     missing_part_shares,
@@ -35,13 +35,11 @@ from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.rival_sets import RivalComparison, compare_with_rivals
 from identification.diagnosis.search.special_cases import nearest_case, nearest_case_at_shape, simplest_effects
 from identification.diagnosis.search.swaps import with_replacement
-from identification.engine import contract_levels
 from identification.engine.claims import GateResult, fails_worst, until_nothing_changes
 from identification.gates.in_band import closes_for_sure
 from identification.gates.moved_joints import shown_above_noise
 from identification.gates.rivalry import likelier_than_rivals
 from identification.gates.special_case import differs_from_simpler, more_than_a_missing_part
-from phantom_dyn.array_types import Array, Bool
 
 # Largest number of sets whose effects are compared with rivals, if in each set some rival is more probable than a
 # finding. After that, the set in which a rival leads by least is shown.
@@ -223,31 +221,9 @@ def _noise_gate(bench: Bench, state: State) -> State:
         growth = (residual_sums_with(bench.plain, others).rms() / residual) ** 2 - 1.0
         over_allowed = partial(bench.residuals.over_allowed, others)
         has_structure = partial(bench.residuals.has_structure, others)
-        in_highest_noise = partial(_gain_in_highest_noise, bench, state.shown, term)
+        in_highest_noise = partial(gain_in_highest_noise, bench, state.shown, term)
         results[term] = shown_above_noise(growth, over_allowed, has_structure, in_highest_noise)
     return _without_worst(bench, state, results, _bar)
-
-
-def _gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
-    """In-sample gain of an effect if each joint has its largest possible noise, and the gain by chance.
-
-    Only joints count that have a gap without the effect and no gap with it. The reason: most of the largest possible
-    noise is uncertain friction, which repeats with the motion, so that the gain of an effect from it has no limit by
-    chance. But uncertain friction hardly ever has the shape of an effect, so that a gap would remain with the effect.
-    Gains are reduced by the squared ratio of the noise by which fits are weighted to the largest possible noise.
-    """
-
-    def has_gap(terms: frozenset[Term]) -> Bool[Array, " nv"]:
-        allowed = contract_levels.FLOORS_LEFT * bench.residuals.judge_of(terms).floor
-        return residual_sums_with(bench.plain, terms).rms() > allowed
-
-    fits, problem, others = bench.search.fits, bench.search.problem, shown - {term}
-    noise_of_weights = residual_sums(problem, problem.session.in_judged_band(bench.noise)).rms()
-    largest_noise = np.maximum(bench.residuals.judge_of(others).highest, noise_of_weights)
-    counted = has_gap(others) & ~has_gap(shown)
-    gains = np.where(counted, fits.row_losses(others) - fits.row_losses(shown), 0.0)
-    noise_ratio = noise_of_weights / np.maximum(largest_noise, 1e-300)
-    return float(gains @ noise_ratio**2), bench.search.threshold.of(term)
 
 
 def _bar(state: State, term: Term) -> tuple[State, Iterable[Term]]:
@@ -266,14 +242,17 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
     whitened = bench.search.held_out_fit(state.found)
     nearest = ((term, nearest_case(robot, term, fitted)) for term in ordered(state.shown) if term.named)
     cases = {term: case for term, case in nearest if case is not None}
-    results = {term: differs_from_simpler(certain, bool(laws)) for term, (certain, laws) in cases.items()}
+    closing = {term for term in cases if closes_certain_gap(bench, state.shown, term)}
+    results = {
+        term: differs_from_simpler(certain, bool(laws) or term in closing) for term, (certain, laws) in cases.items()
+    }
     for term, (certain, laws) in cases.items():
         uncertain = not results[term].passed and laws and certain > 0.0 and term in state.found
         if uncertain and simplest_effects(robot, term, whitened) == (term.effect_joint,):
             case = nearest_case_at_shape(robot, term, whitened, laws)
             # None if the simpler law is a limit of the shape, which is constant in this fit.
             if case is not None:
-                results[term] = differs_from_simpler(case[0], bool(case[1]))
+                results[term] = differs_from_simpler(case[0], bool(case[1]) or term in closing)
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         shown, (_, laws) = state.shown - {term}, cases[term]
