@@ -119,8 +119,7 @@ def _joints_with(compiled: mujoco.MjModel, arrays: tuple[str, ...], joints: list
         arrays: Names of arrays of MuJoCo's model; older versions lack some of them.
         joints: Joint of each row of the arrays.
     """
-    numbers = [np.reshape(getattr(compiled, one), (len(joints), -1)) for one in arrays if hasattr(compiled, one)]
-    rows = {int(row) for one in numbers for row in np.nonzero(one)[0]}
+    rows = {int(row) for one in arrays if hasattr(compiled, one) for row in np.nonzero(getattr(compiled, one))[0]}
     return frozenset(compiled.joint(int(joints[row])).name for row in rows)
 
 
