@@ -13,15 +13,9 @@ from phantom_dyn.array_types import Array, Bool
 
 
 def closes_certain_gap(bench: Bench, shown: frozenset[Term], term: Term) -> bool:
-    """True if a joint has more than the highest possible noise without an effect, and no more with it."""
-    with_effect, without = (_is_above_noise(bench, terms) for terms in (shown, shown - {term}))
-    return bool((without & ~with_effect).any())
-
-
-def _is_above_noise(bench: Bench, terms: frozenset[Term]) -> Bool[Array, " nv"]:
-    """True for joints with a gap after a set of effects even if their noise is as large as it may be."""
-    most = contract_levels.FLOORS_LEFT * bench.residuals.judge_of(terms).highest
-    return residual_sums_with(bench.plain, terms).rms() > most
+    """True if a joint has a gap without an effect and none with it, even if its noise is the highest possible."""
+    without = _has_gap(bench, shown - {term}, in_highest_noise=True)
+    return bool(without.any() and (without & ~_has_gap(bench, shown, in_highest_noise=True)).any())
 
 
 def gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> tuple[float, float]:
@@ -41,7 +35,8 @@ def gain_in_highest_noise(bench: Bench, shown: frozenset[Term], term: Term) -> t
     return float(gains @ noise_ratio**2), bench.search.threshold.of(term)
 
 
-def _has_gap(bench: Bench, terms: frozenset[Term]) -> Bool[Array, " nv"]:
-    """True for joints with a gap after a set of effects."""
-    allowed = contract_levels.FLOORS_LEFT * bench.residuals.judge_of(terms).floor
-    return residual_sums_with(bench.plain, terms).rms() > allowed
+def _has_gap(bench: Bench, terms: frozenset[Term], *, in_highest_noise: bool = False) -> Bool[Array, " nv"]:
+    """True for joints with a gap after a set of effects, in the estimated noise or in the highest possible noise."""
+    judge = bench.residuals.judge_of(terms)
+    noise = judge.highest if in_highest_noise else judge.floor
+    return residual_sums_with(bench.plain, terms).rms() > contract_levels.FLOORS_LEFT * noise

@@ -242,17 +242,23 @@ def _simpler_law_gate(bench: Bench, state: State) -> State:
     whitened = bench.search.held_out_fit(state.found)
     nearest = ((term, nearest_case(robot, term, fitted)) for term in ordered(state.shown) if term.named)
     cases = {term: case for term, case in nearest if case is not None}
-    closing = {term for term in cases if closes_certain_gap(bench, state.shown, term)}
-    results = {
-        term: differs_from_simpler(certain, bool(laws) or term in closing) for term, (certain, laws) in cases.items()
-    }
+
+    def result(term: Term, certain: float, laws: Iterable[str]) -> GateResult:
+        if laws:
+            return differs_from_simpler(certain, something_there=True)
+        strict = differs_from_simpler(certain, something_there=False)
+        if strict.passed or not differs_from_simpler(certain, something_there=True).passed:
+            return strict
+        return differs_from_simpler(certain, closes_certain_gap(bench, state.shown, term))
+
+    results = {term: result(term, certain, laws) for term, (certain, laws) in cases.items()}
     for term, (certain, laws) in cases.items():
         uncertain = not results[term].passed and laws and certain > 0.0 and term in state.found
         if uncertain and simplest_effects(robot, term, whitened) == (term.effect_joint,):
             case = nearest_case_at_shape(robot, term, whitened, laws)
             # None if the simpler law is a limit of the shape, which is constant in this fit.
             if case is not None:
-                results[term] = differs_from_simpler(case[0], bool(case[1]) or term in closing)
+                results[term] = result(term, *case)
 
     def without(state: State, term: Term) -> tuple[State, Iterable[Term]]:
         shown, (_, laws) = state.shown - {term}, cases[term]
