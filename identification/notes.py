@@ -24,7 +24,8 @@ class Code(Enum):
     GAIN_OR_CONSTANT = auto()
     OFFSET_OR_ZERO = auto()
     STRAYS_UNDER_CONTROL = auto()
-    # Recordings at rest, events, measured poses, a simulator's own friction, the search, drives, unlike recordings.
+    # Recordings at rest, events, measured poses, a simulator's own friction, the search, drives, unlike recordings, and
+    # bands.
     RESTS_APART = auto()
     CONTROLLER_GIVES_WAY = auto()
     EVENT = auto()
@@ -36,6 +37,7 @@ class Code(Enum):
     DRIVE_DROPS = auto()
     DRIVE_PROTECTED = auto()
     RECORDINGS_UNLIKE = auto()
+    OTHER_BAND = auto()
     # Simulated motion.
     RECORDED_PAST_LIMITS = auto()
     RUNS_PAST_LIMIT = auto()

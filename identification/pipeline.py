@@ -27,6 +27,7 @@ from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of, unknown_if_motion_deviates
 from identification.rollout.simulated_motion import with_simulated_motion
+from identification.scenarios import other_bands
 from identification.scenarios.common_model import has_unknown_load, with_common_model
 from identification.scenarios.gain_or_load import preferred_diagnosis, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import with_catalogue_names
@@ -38,7 +39,7 @@ from identification.scenarios.unlike_recordings import doubted_if_unlike
 from identification.stages import Announcement, Progress, Stage
 from identification.words.user_words import with_user_words
 from phantom_dyn import __version__
-from phantom_dyn.errors import UsageError
+from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.robot import Robot
 
 
@@ -199,13 +200,36 @@ def _by_controllers(
 
 @one_blas_thread()
 def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
-    """The diagnosis by torques and measured poses, stage by stage."""
-    robot, changes = given.robot, given.changes
+    """The diagnosis by torques and measured poses. It states no gap only if other bands show none either."""
     if not given.seen:
         progress(Announcement(Stage.FITTING_POSES))
-        return DiagnosisWithoutPlan(diagnosis_of_poses(robot, given.tracked, given.places))
+        return DiagnosisWithoutPlan(diagnosis_of_poses(given.robot, given.tracked, given.places))
+    session = _session(given, progress)
+    found = _of_session(given, session, progress)
+    if found.diagnosis.verdict != "no_gap":
+        return found
+    for factor in other_bands.FACTORS:
+        try:
+            other = _session(given, progress, factor)
+        except LogError:  # the filter of a narrow band is too long for the recordings
+            continue
+        if other_bands.differ(session.cutoff_hz, other.cutoff_hz):
+            second = _of_session(given, other, progress)
+            if other_bands.shows_gap(second.diagnosis):
+                return replace(second, diagnosis=other_bands.in_other_band(second.diagnosis, found.diagnosis))
+    return found
+
+
+def _session(given: Prepared, progress: Progress, factor: float = 1.0) -> Session:
+    """The recordings in a common band whose edge is that chosen from the data times a factor."""
     progress(Announcement(Stage.FILTERING))
-    session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
+    known, changes = given.known, given.changes
+    return session_of(given.robot, given.seen, given.unseen, known=known, changes=changes, band_factor=factor)
+
+
+def _of_session(given: Prepared, session: Session, progress: Progress) -> DiagnosisWithoutPlan:
+    """The diagnosis in one band, stage by stage."""
+    robot, changes = given.robot, given.changes
     explanation = explanation_of(session, progress)
     progress(Announcement(Stage.RIVALS_COMPARED))
     judgement, shown = judgement_of(explanation, progress)

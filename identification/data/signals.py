@@ -40,7 +40,7 @@ Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 # Largest edge of the band as a share of the sample rate. Recorders may log the held torque, its mean over a sample, or
 # its value at the middle of the sample. At higher frequencies these differ by more than a per cent.
 _HIGHEST = 0.06
-_WIDEST_HZ = 50.0  # largest edge of the band of logs
+_LOWEST_HZ, _WIDEST_HZ = 1.0, 50.0  # smallest edge of the judged band, and largest edge of the band of logs
 # Samples after decimation per period of the band's edge: the smallest number without aliasing.
 _SAMPLES_PER_PERIOD = 2.5
 # Smallest number of decimated samples that can be fitted.
@@ -284,12 +284,17 @@ def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
     return columns if grid is t else interpolated(grid, t, columns)
 
 
-def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:
+def process_all(recordings: tuple[Recording, ...], robot: Robot, factor: float = 1.0) -> tuple[tuple[Log, ...], float]:
     """Logs of several recordings, all in one band, and the edge [Hz] of the narrower band in which gaps are judged.
 
     `choose_cutoff` gives the edge of the judged band. The edge of the logs is up to four times as high (at most 50 Hz,
     6 % of the rate, and the edge of the recorder's own filter). Abrupt effects such as friction have content between
     the two edges. A fit can use this content if it weights each frequency by its noise (whitening).
+
+    Args:
+        recordings: Raw samples.
+        robot: The robot, which states how the torque was held.
+        factor: Factor of the judged band's edge, for a second judgement in a narrower or wider band.
     """
     raw = [uniform(recording) for recording in recordings]
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
@@ -298,8 +303,9 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     # either, because a position servo commands little torque at high frequencies even where the robot moves.
     controlled = all(recording.controlled for recording in recordings)
     recorder = np.inf if controlled else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    widest = min(_WIDEST_HZ, _HIGHEST * min(rates), recorder)
     judged = _within_rate(_moving_edge(signals), signals) if controlled else choose_cutoff(signals)
-    wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), recorder))
+    wide = max(judged, min(4 * judged, widest))
     # Legs are also moved by contact forces, so that `_driven_edge` does not apply to them.
     driven = (
         np.inf if controlled or robot.floating else max(_driven_edge(robot, signals, wide), _least_edge(recordings))
@@ -307,6 +313,9 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     judged, wide = min(judged, driven), min(wide, 1.3 * driven)
     if (swings := band_of_swings(recordings, robot, judged)) is not None:
         judged = wide = swings
+    elif factor != 1.0:
+        judged = float(np.clip(factor * judged, _LOWEST_HZ, max(min(widest, driven), _LOWEST_HZ)))
+        wide = max(judged, min(4 * judged, widest, 1.3 * driven))
     return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
 
 
@@ -343,7 +352,7 @@ def choose_cutoff(signals: list[Signals]) -> float:
 
 def _within_rate(edge: float, signals: list[Signals]) -> float:
     """The edge [Hz], but at least 1 Hz, and at most `_HIGHEST` times the lowest sample rate."""
-    return float(np.clip(edge, 1.0, _HIGHEST * min(rate for *_, rate in signals)))
+    return float(np.clip(edge, _LOWEST_HZ, _HIGHEST * min(rate for *_, rate in signals)))
 
 
 def _moving_edge(signals: list[Signals]) -> float:

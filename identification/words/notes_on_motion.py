@@ -261,6 +261,10 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.DRIVE_DROPS: _drive_drops,
     Code.DRIVE_PROTECTED: _drive_protected,
     Code.RECORDINGS_UNLIKE: _recordings_unlike,
+    Code.OTHER_BAND: filled(
+        "The gap shows in a band of 0 to {edge:.2g} Hz. In the band chosen from the data, 0 to {first:.2g} Hz, it is "
+        "hidden by noise or left out."
+    ),
     Code.RECORDED_PAST_LIMITS: _recorded_past_limits,
     Code.RUNS_PAST_LIMIT: _runs_past_limit,
     Code.RUNS_PAST_LIMITS: _runs_past_limits,

@@ -125,6 +125,7 @@ def session_of(
     *,
     known: tuple[KnownEffect, ...] = (),
     changes: tuple[Change, ...] = (),
+    band_factor: float = 1.0,
 ) -> Session:
     """A session of recordings: filtered, in a common band, split into blocks and folds.
 
@@ -134,6 +135,7 @@ def session_of(
         hold_out: Recordings that no fit sees.
         known: Effects that belong to the given model already.
         changes: Known differences between the recordings, those held out at the end; empty if there are none.
+        band_factor: Factor of the judged band's edge.
 
     Raises:
         LogError: If a recording cannot be used, or all together are too short to hold data back.
@@ -143,7 +145,7 @@ def session_of(
     robot = carrying_known(robot, known)
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
-    logs, cutoff_hz = process_all(every, robot)
+    logs, cutoff_hz = process_all(every, robot, band_factor)
     logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
     logs = tuple(with_brakes(robot, with_model_torque(robot, log)) for log in logs)
     session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)

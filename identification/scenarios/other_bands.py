@@ -1,0 +1,49 @@
+"""Decides whether a gap counts that shows in a narrower or wider band than the one that is chosen from the data.
+
+A joint has no gap if its residual in the judged band may be noise. The noise of position readings grows with the square
+of the frequency. In a wide band it hides effects at low frequencies, such as an offset that drifts. A narrow band does
+not contain most of the torque of play or of a stiff spring, which comes in short pulses. So a robot has no gap only if
+it has none in a narrower and in a wider band either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from identification.diagnosis.result import Diagnosis
+from identification.engine import contract_levels
+from identification.notes import Code, Note
+
+# Factors of the judged band's edge: two octaves below and above.
+FACTORS = (0.25, 4.0)
+# Smallest factor between the edges of two bands that are judged separately: limits may prevent two octaves.
+_APART = 1.5
+
+
+def differ(first_hz: float, other_hz: float) -> bool:
+    """True if the edges of two bands [Hz] are so far apart that both are judged."""
+    return max(first_hz, other_hz) >= _APART * min(first_hz, other_hz)
+
+
+def shows_gap(found: Diagnosis) -> bool:
+    """True if a diagnosis in another band has findings, or a residual that is clearly more than noise.
+
+    Args:
+        found: A diagnosis in a narrower or wider band.
+    """
+    if found.verdict in ("no_gap", "not_testable"):
+        return False
+    # With more bands, a sound robot is above its noise in one of them more often. So more than `allowed` is needed.
+    above = (joint.rms_after > contract_levels.FLOORS_LEFT * joint.allowed for joint in found.joints)
+    return bool(found.findings) or any(above)
+
+
+def in_other_band(found: Diagnosis, first: Diagnosis) -> Diagnosis:
+    """A diagnosis in another band, with a note that the band chosen from the data shows no gap.
+
+    Args:
+        found: The diagnosis in the other band.
+        first: The diagnosis in the band chosen from the data.
+    """
+    numbers = {"edge": found.band_hz[1], "first": first.band_hz[1]}
+    return replace(found, notes=(*found.notes, Note(Code.OTHER_BAND, numbers=numbers)))
