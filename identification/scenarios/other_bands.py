@@ -26,16 +26,18 @@ def differ(first_hz: float, other_hz: float) -> bool:
 
 
 def shows_gap(found: Diagnosis) -> bool:
-    """True if a diagnosis in another band has findings, or a residual that is clearly more than noise.
+    """True if a diagnosis in another band has a probable finding, or a residual that is clearly more than noise.
+
+    With more bands, a sound robot is a little above its noise in one of them more often, or a finding of many rivals
+    explains it. So more is needed than in the band chosen from the data.
 
     Args:
         found: A diagnosis in a narrower or wider band.
     """
     if found.verdict in ("no_gap", "not_testable"):
         return False
-    # With more bands, a sound robot is above its noise in one of them more often. So more than `allowed` is needed.
-    above = (joint.rms_after > contract_levels.FLOORS_LEFT * joint.allowed for joint in found.joints)
-    return bool(found.findings) or any(above)
+    above = any(joint.rms_after > contract_levels.FLOORS_LEFT * joint.allowed for joint in found.joints)
+    return above or any(finding.probability > contract_levels.DOUBTED for finding in found.findings)
 
 
 def in_other_band(found: Diagnosis, first: Diagnosis) -> Diagnosis:
