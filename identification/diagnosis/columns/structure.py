@@ -19,6 +19,7 @@ import numpy as np
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape, Signature, Source
+from phantom_dyn.effects.support.displaced import change_by_reading
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging
@@ -229,6 +230,26 @@ class Supply(Rival):
         return _on_row(robot, joint, [own, own * load, own * power, own * np.abs(own)])
 
 
+class Reading(Rival):
+    """Positions of one joint that are read with a wrong scale, or with a scale that changes over the travel.
+
+    Over an arc of less than a turn an eccentric encoder may look like it.
+    """
+
+    name = "reading"
+    regime = "posture"
+    made_of = ("acceleration", "model")
+    acts_as = "load"
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Change of the torque by errors of the reading in proportion to the position and to its square."""
+        row, rows = row_of(robot, joint), branch_rows(robot, joint)
+        q, v, a = operation.q[:, row], operation.v[:, row], operation.a[:, row]
+        errors = ((q, v, a), (q**2, 2.0 * q * v, 2.0 * (v**2 + q * a)))
+        columns = [change_by_reading(operation, row, *error)[:, list(rows)] for error in errors]
+        return Signature(rows, np.stack(columns, axis=-1), ("scale", "change"), ("1", "1/rad"))
+
+
 STRUCTURES: tuple[Rival, ...] = (
     Drift("drifting_offset", "torque_offset", lambda operation, j: np.ones(len(operation.t))),
     Drift("drifting_friction", "coulomb_friction", lambda operation, j: np.sign(operation.v[:, j])),
@@ -239,4 +260,5 @@ STRUCTURES: tuple[Rival, ...] = (
     Contact(),
     Drag(),
     Supply(),
+    Reading(),
 )
