@@ -17,17 +17,23 @@ from collections.abc import Callable
 import numpy as np
 
 from phantom_dyn.array_types import Array, Float
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rival import Rival, Shape, Signature, Source
 from phantom_dyn.effects.support.displaced import change_by_reading
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.random_streams import random_stream
 from phantom_dyn.signals.recursive import lagging
 
 _SLOW = 3  # largest number of half waves of a drift within the recording
 # If the joint's position and velocity explain more than this share of the squares of sine and cosine at a frequency, a
 # torque at that frequency is no rhythm but an effect of the motion.
 _OF_THE_MOTION = 0.9
+# Smallest square of a combination of columns, as a share of the largest, with which it counts as a column of its own;
+# number of postures in which these squares are computed.
+_INDEPENDENT, _POSTURES = 1e-4, 60
 
 
 def _on_row(robot: Robot, joint: str | None, columns: list[Float[Array, " N"]]) -> Signature:
@@ -250,6 +256,42 @@ class Reading(Rival):
         return Signature(rows, np.stack(columns, axis=-1), ("scale", "change"), ("1", "1/rad"))
 
 
+class Balance(Rival):
+    """A force that carries weight of one link without inertia, such as that of a spring balancer or of a rope."""
+
+    name = "balance"
+    regime = "posture"
+    acts_as = "load"
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Joints of a tree on a fixed base whose links have a weight that makes a torque in some posture."""
+        if robot.floating or robot.chain is not None:
+            return ()
+        return tuple(joint for joint in robot.joint_names if _weight_directions(robot, joint).size)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Torques at rest by independent combinations of the link's mass and first moments."""
+        rows, directions = branch_rows(robot, joint), _weight_directions(robot, joint)
+        values = _torques_at_rest(robot, operation, joint)[:, list(rows)] @ directions
+        names = tuple(f"c{k}" for k in range(values.shape[-1]))
+        return Signature(rows, values, names, ("",) * len(names))
+
+
+def _torques_at_rest(robot: Robot, motion: Motion, joint: str | None) -> Float[Array, "N nv 4"]:
+    """Torques that hold the mass and the first moments of a joint's link, per unit of each."""
+    still = motion.with_joints(motion.q, np.zeros_like(motion.v), np.zeros_like(motion.a))
+    first = 10 * (robot.model.getJointId(joint) - 1)
+    return rigid_body_regressor(robot, still, columns=tuple(range(first, first + 4)))
+
+
+def _weight_directions(robot: Robot, joint: str | None) -> Float[Array, "4 k"]:
+    """Independent combinations of a link's mass and first moments that make torques at rest, over random postures."""
+    q = random_stream("postures of balanced links").uniform(-1.0, 1.0, (_POSTURES, robot.nv))
+    values = _torques_at_rest(robot, Motion(np.arange(float(_POSTURES)), q, 0.0 * q, 0.0 * q), joint)
+    squares, directions = np.linalg.eigh(np.einsum("nmk,nml->kl", values, values))
+    return directions[:, squares > _INDEPENDENT * max(float(squares[-1]), 1.0)]
+
+
 STRUCTURES: tuple[Rival, ...] = (
     Drift("drifting_offset", "torque_offset", lambda operation, j: np.ones(len(operation.t))),
     Drift("drifting_friction", "coulomb_friction", lambda operation, j: np.sign(operation.v[:, j])),
@@ -261,4 +303,5 @@ STRUCTURES: tuple[Rival, ...] = (
     Drag(),
     Supply(),
     Reading(),
+    Balance(),
 )
