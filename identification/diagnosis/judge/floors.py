@@ -342,7 +342,7 @@ def floor_by_sensors(
     # but possible with noise whose density rises towards the motion.
     of_drive = drive_noise(problem.session.robot, sensed.torque)
     beyond = floor.value > np.hypot(np.maximum(high, of_drive), sensed.discrepancy)
-    coloured = taken & beyond & (floor.value <= by_sensors.rising)
+    coloured = taken & beyond & (floor.value <= by_sensors.limit_if_rising)
     known, taken = known & ~coloured, taken & ~coloured
     value = np.where(coloured, floor.value, value)
     low = np.where(coloured, floor.low, low)
