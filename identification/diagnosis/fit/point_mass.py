@@ -25,7 +25,7 @@ STEPS = 8
 # Relative change of the estimate below which it has converged.
 _CONVERGED = 3e-3
 # Derivative of ``h.h 1 - h h^T``, with entries xx, xy, yy, xz, yz, zz, with respect to ``h``, per component of ``h``.
-_INERTIA = np.array(
+_INERTIA_SLOPES = np.array(
     [
         [[0, 0, 0], [0, 2, 0], [0, 0, 2]],
         [[0, -1, 0], [-1, 0, 0], [0, 0, 0]],
@@ -49,32 +49,32 @@ def converged(estimate: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
 class ReducedLoad:
     """Fit of one payload with the coefficients of all other columns eliminated.
 
-    Other coefficients at a bound are held there; the rest have their best values for each mass and first moments.
+    Other coefficients at a bound keep this value. All others have their best values for each mass and first moments.
 
     Attributes:
         a, b: After this elimination, products of the ten columns of the payload with each other, ``(10, 10)``, and with
             the residual, ``(10,)``.
         prior: Prior precision of mass and first moments, ``(4,)``.
-        map: Gives the derivative of the ten inertial parameters at a mass and first moments (`load_map`).
-        least: Smallest mass [kg]; negative if the robot may lack a part that the model has.
+        jacobian_at: Derivative of the ten inertial parameters, as a function of mass and first moments (`load_map`).
+        least_mass: Smallest mass [kg]; negative if the robot may lack a part that the model has.
     """
 
     a: Float[Array, "10 10"]
     b: Float[Array, " 10"]
     prior: Float[Array, " 4"]
-    map: Callable[[Float[Array, " 4"]], Float[Array, "10 4"]]
-    least: float
+    jacobian_at: Callable[[Float[Array, " 4"]], Float[Array, "10 4"]]
+    least_mass: float
 
     def iterated(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
         """Mass and first moments to which the iteration converges from a start."""
         estimate = start
         for _ in range(STEPS):
             last = estimate
-            jacobian = self.map(last)
+            jacobian = self.jacobian_at(last)
             a = jacobian.T @ self.a @ jacobian + np.diag(self.prior)
             b = jacobian.T @ self.b
             estimate = solve(a, b)
-            low, high = mass_bounds(last[0], self.least)
+            low, high = mass_bounds(last[0], self.least_mass)
             if not low <= estimate[0] <= high:
                 # The mass is held at its bound, and the first moments are solved for.
                 mass = float(np.clip(estimate[0], low, high))
@@ -85,7 +85,7 @@ class ReducedLoad:
 
     def loss(self, x: Float[Array, " 4"]) -> float:
         """Loss of a point mass with its exact inertia, up to a constant."""
-        theta = self.map(x) @ x
+        theta = self.jacobian_at(x) @ x
         return float(theta @ self.a @ theta - 2.0 * self.b @ theta + self.prior @ x**2)
 
 
@@ -104,10 +104,10 @@ def reduced_load(
     at = np.searchsorted(active, payload.columns)
     others = np.setdiff1d(np.arange(len(active)), at)
     x = theta[active]
-    # Coefficients at a bound are held, all others are free.
+    # Coefficients at a bound are fixed, all others are free.
     inside = (x[others] > problem.lower[active[others]]) & (x[others] < problem.upper[active[others]])
-    free, held = others[inside], others[~inside]
-    b = products.b - products.a[:, held] @ x[held]
+    free, fixed = others[inside], others[~inside]
+    b = products.b - products.a[:, fixed] @ x[fixed]
     inner = products.a[np.ix_(free, free)] + np.diag(problem.precision[active[free]])
     cross = products.a[np.ix_(free, at)]
     solution = solve(inner, np.column_stack([cross, b[free]]))
@@ -115,14 +115,14 @@ def reduced_load(
         a=products.a[np.ix_(at, at)] - cross.T @ solution[:, :-1],
         b=b[at] - cross.T @ solution[:, -1],
         prior=problem.precision[active[at[:4]]],
-        map=partial(load_map, problem.session.robot, payload),
-        least=payload.effect.lightest(problem.session.robot),
+        jacobian_at=partial(load_map, problem.session.robot, payload),
+        least_mass=payload.effect.lightest(problem.session.robot),
     )
 
 
 @dataclass(frozen=True)
 class FoldedLoad:
-    """Map between all coefficients of a fit and fewer ones, in which mass and first moments replace a payload's ten.
+    """Map between all coefficients of a fit and the reduced ones: mass and first moments replace a payload's ten.
 
     Mass and first moments come last among the reduced coefficients.
 
@@ -162,7 +162,7 @@ class FoldedLoad:
         out[..., n:, n:] = self.jacobian.T @ a[..., self.at[:, None], self.at] @ self.jacobian
         return out
 
-    def reduced_right(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
+    def reduced_right_side(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
         """Products of the reduced columns with the residual."""
         return np.concatenate([b[..., self.others], b[..., self.at] @ self.jacobian], axis=-1)
 
@@ -182,16 +182,16 @@ def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array
     return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
 
 
-def mass_bounds(start: float, least: float) -> tuple[float, float]:
+def mass_bounds(start: float, least_mass: float) -> tuple[float, float]:
     """Bounds of the mass [kg] in a fit linearised about the mass ``start``.
 
     They are half and double of that mass. The inertia is proportional to the inverse of the mass, so its linearisation
-    does not hold farther away. If the start is zero, no inertia was linearised, and ``least`` is the only bound.
+    does not hold farther away. If the start is zero, no inertia was linearised, and ``least_mass`` is the only bound.
     """
     if abs(start) <= _NO_MASS:
-        return least, np.inf
+        return least_mass, np.inf
     low, high = sorted((0.5 * start, 2.0 * start))
-    return max(low, least), max(high, least)
+    return max(low, least_mass), max(high, least_mass)
 
 
 def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[Array, "10 4"]:
@@ -210,7 +210,7 @@ def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[
     m, h = start[0], start[1:]
     if abs(m) <= _NO_MASS:
         return jacobian
-    by_moment = _INERTIA @ h / m
+    by_moment = _INERTIA_SLOPES @ h / m
     jacobian[4:, 1:] = by_moment
     jacobian[4:, 0] = own - 0.5 * (by_moment @ h) / m
     return jacobian

@@ -189,8 +189,8 @@ def balance_bands(
                 centre = float(np.sqrt(lower * upper))
                 width = (upper - lower) * float(log.noise_gain(np.array([centre]))[0])
                 # The median of the magnitudes of normal noise, times 1.4826, is its standard deviation.
-                of_both = [(1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / width for x in in_sub_band]
-                bands.append(SubBand(centre, *of_both, independent))
+                whole, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / width for x in in_sub_band)
+                bands.append(SubBand(centre, whole, own, independent))
     return out
 
 

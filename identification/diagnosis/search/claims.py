@@ -170,4 +170,4 @@ def least_needed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
 
 def rows_touched_by(problem: Problem, term: Term) -> frozenset[int]:
     """Indices of the joints on which a term makes a torque."""
-    return problem.touched[term.columns[0]]
+    return problem.rows_of_column[term.columns[0]]

@@ -197,7 +197,7 @@ def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
 def parts_of(search: Search, term: Term) -> list[Term]:
     """Effects whose sum may make nearly the torque of ``term``, on joints on which it acts or of the whole robot."""
     names = search.problem.session.robot.joint_names
-    rows = frozenset[int]().union(*(search.problem.touched[column] for column in term.columns))
+    rows = frozenset[int]().union(*(search.problem.rows_of_column[column] for column in term.columns))
     joints = {None, *(names[row] for row in rows)}
     return [other for other in search.terms if other.effect.name in term.effect.sum_parts and other.joint in joints]
 

@@ -23,7 +23,7 @@ from identification.diagnosis.columns.motion.soft_friction import soft_joints
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
-from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, positions_of_bodies, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.imitation import (
     UNCERTAIN,
@@ -299,7 +299,7 @@ def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, flo
     # The symmetric root is unique; other roots depend on the rounding of the matrix.
     root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
-    bodies = places_among(np.array(term.columns), bodies_of_term(robot, term))
+    bodies = positions_of_bodies(np.array(term.columns), bodies_of_term(robot, term))
     precision, unbounded = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
     nearest = np.array([_nearest(one, precision, unbounded, bodies) for one in drawn])
     stated, mix = base_parameters(robot, term)
