@@ -12,6 +12,8 @@ from identification.engine.claims import GateResult
 
 EffectJoint = tuple[str, str | None]
 """Name of an effect and its joint; None for the whole robot."""
+Cause = tuple[EffectJoint, ...]
+"""Effects that together may explain what a finding explains; empty for the finding itself."""
 
 
 class Record:

@@ -15,7 +15,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.containment import contains
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible_size
-from identification.diagnosis.search.record import EffectJoint
+from identification.diagnosis.search.record import Cause, EffectJoint
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import with_replacement
 from identification.engine import contract_levels
@@ -28,7 +28,7 @@ def odds_of_richer_laws(
     term: Term,
     barred: frozenset[EffectJoint],
     richer_laws: list[Chosen],
-) -> dict[tuple[EffectJoint, ...], float]:
+) -> dict[Cause, float]:
     """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
 
     A law whose fit does not differ from the special case is not ruled out. For example, a recording shows friction that
@@ -54,7 +54,7 @@ def odds_of_richer_laws(
         )
         return 1.0 if better else _bounded_odds(search, chosen, rich)
 
-    sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
+    sets: dict[Cause, list[Chosen]] = defaultdict(list)
     single = {one.effect_joint for others in richer_laws if len(others) == 1 for one in others}
     for one in search.terms:
         own = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None

@@ -16,7 +16,8 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.result import Rival
 from identification.diagnosis.search.claims import rows_touched_by
 from identification.diagnosis.search.fair_costs import costs_of
-from identification.diagnosis.search.rival_sets import RivalComparison, is_far_worse
+from identification.diagnosis.search.rival_candidates import is_far_worse
+from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import explained_loss, with_replacement
 from identification.engine import contract_levels
