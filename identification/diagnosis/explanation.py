@@ -38,7 +38,7 @@ from identification.diagnosis.noise.noise_floor import (
 from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import at_least_sensor_noise, whitened, whitening_of
 from identification.diagnosis.search.claims import gate_results, passes_gates
-from identification.diagnosis.search.fits import SearchWithoutEnd
+from identification.diagnosis.search.fits import FitLimitReached
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.refinement import (
     found_effects,
@@ -101,7 +101,7 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
     """
     most = most_fits(session.robot.nv)
     # The memory of the stopped search is freed only after the block that handles its exception.
-    with suppress(SearchWithoutEnd):
+    with suppress(FitLimitReached):
         return _explanation_of(session, progress, iter(range(most)))
     return replace(_explanation_of(session, progress, None), fits=most, endless=True)
 
@@ -115,7 +115,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         allowed: Yields one item for each allowed fit; None: no effect is searched for.
 
     Raises:
-        SearchWithoutEnd: At the first fit that is not allowed.
+        FitLimitReached: At the first fit that is not allowed.
     """
     progress(Announcement(Stage.REGRESSORS))
     point = FitPoint(resonances=resonances(session.robot, session.fitted_logs))

@@ -47,7 +47,7 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
     rng = random_stream("recordings without a gap")
     b, core_b = _null_products(problem, filters, noise, rng)
     # The price of an effect's parameters beyond the first one is subtracted from its gain.
-    extra = np.array([max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0) for term in search.terms])
+    extra = np.array([max(price(search.counts[term]) - above_chance.PARAMETER_PRICE, 0.0) for term in search.terms])
     gains = gains_on_residuals(problem, [term.columns for term in search.terms], b, core_b) - extra[:, None]
     joints = list(dict.fromkeys(joint_of(term) for term in search.terms))
     of_joint = {joint: [k for k, term in enumerate(search.terms) if joint_of(term) == joint] for joint in joints}

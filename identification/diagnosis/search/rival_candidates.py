@@ -86,7 +86,9 @@ def candidate_sets(
         found = search.held_out_fit(swapped)
         if any(simplest_effects(search.problem.session.robot, other, found) is None for other in others):
             continue
-        is_richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
+        is_richer = (
+            any(contains(other, term) for other in others) and search.parameter_count(others) > search.counts[term]
+        )
         if is_richer:
             richer_laws.append(others)
         if is_richer and found.total >= base.total:

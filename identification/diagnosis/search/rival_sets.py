@@ -210,7 +210,7 @@ def _shares_of_sets(
         candidate in unnested and any(law.shape for law in (term, *compared.replacements[candidate]))
         for candidate in sets
     ]
-    more = np.array([search.sizes_of(candidate) - search.sizes_of(chosen) for candidate in fitted], dtype=float)
+    counts = np.array([search.parameter_count(candidate) for candidate in fitted], dtype=float)
     # Losses that were added to those of the fits, such as the errors of the method for laws with more parameters.
     added = [
         compared.losses[candidate] - search.held_out_fit(fit).loss for candidate, fit in zip(sets, fitted, strict=True)
@@ -226,7 +226,7 @@ def _shares_of_sets(
         ]
         costs = (*costs_of(condition, priced, is_twin), *costs_of(condition, priced, is_twin, is_unnested))
         gain = explained_loss(condition, chosen, term)
-        return without_method_errors(np.array(losses).T, more, has_shape, gain), costs
+        return without_method_errors(np.array(losses).T, counts - counts[0], has_shape, gain), costs
 
     conditions = [losses_and_costs(other) for other in other_conditions]
     shares = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))

@@ -53,7 +53,7 @@ from identification.diagnosis.judge.findings.untestable_rivals import beside_unt
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
-from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.claims import rows_of_term
 from identification.engine import contract_levels
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
@@ -131,7 +131,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
     for term in ordered(shown.named):
         without = residual_sums_with(plain, chosen - {term})
         comparison = shown.comparisons[term]
-        rows = rows_touched_by(problem, term)
+        rows = rows_of_term(problem, term)
         if not on_lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not in_sines.isdisjoint(rows)):
             comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
         if not computed_torque.isdisjoint(rows):

@@ -21,7 +21,7 @@ from identification.diagnosis.judge.shares import residual_sums_with
 from identification.diagnosis.search import claims as claims_module
 from identification.diagnosis.search import fits
 from identification.diagnosis.search.claims import energy_by_block, least_gain, passes_gates
-from identification.diagnosis.search.fits import Fits, SearchWithoutEnd
+from identification.diagnosis.search.fits import FitLimitReached, Fits
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.search import RowGaps
 from identification.diagnosis.search.subset_residuals import subset_residuals
@@ -49,7 +49,7 @@ def test_a_limit_of_fits_counts_those_at_the_positions_as_read_and_ends_with_the
     for chosen in (rub, load):
         limited.held_out(chosen)
     for chosen in (rub | load, frozenset[Term]()):
-        with pytest.raises(SearchWithoutEnd):
+        with pytest.raises(FitLimitReached):
             limited.held_out(chosen)
     limited.without_limit()
     assert limited.of(load) is not limited
