@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, converged, load_map, mass_bounds, reduced_load
-from identification.diagnosis.fit.possible_bodies import Body, among_possible_bodies, positions_of_bodies
+from identification.diagnosis.fit.point_mass import STEPS, PayloadMap, converged, load_map, mass_bounds, reduced_load
+from identification.diagnosis.fit.possible_bodies import Body, positions_of_bodies, with_possible_bodies
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.fits.minimum import minimum_of
@@ -85,26 +85,26 @@ class Fitted:
         return out
 
     @property
-    def expand(self) -> Float[Array, "k n"] | None:
+    def expansion(self) -> Float[Array, "k n"] | None:
         """Derivative of the active coefficients with respect to the fitted parameters; None if both are the same.
 
         They differ if a payload's ten coefficients follow from its mass and first moments.
         """
-        return None if self._folded is None else self._folded.expand
+        return None if self._payload_map is None else self._payload_map.jacobian_of_all
 
     @cached_property
     def cov(self) -> Float[Array, "k k"]:
         """Covariance of the active coefficients, including their priors; computed on demand, as few fits need it."""
         a, precision = products_of(self.problem, self.active, self.point.scalings, False).a, self.problem.precision
-        folded = self._folded
-        fitted = self.active if folded is None else self.active[folded.keep]
-        gram = a if folded is None else folded.reduced_gram(a)
+        payload_map = self._payload_map
+        fitted = self.active if payload_map is None else self.active[payload_map.kept_columns]
+        gram = a if payload_map is None else payload_map.reduced_gram(a)
         inverse = solve(gram + np.diag(precision[fitted]), np.eye(len(fitted)))
-        return inverse if folded is None else folded.unfolded(folded.unfolded(inverse).T)
+        return inverse if payload_map is None else payload_map.expanded(payload_map.expanded(inverse).T)
 
     @cached_property
-    def _folded(self) -> FoldedLoad | None:
-        return None if self.point.payload is None else _folded_at(self.problem, self.active, self.point.payload)
+    def _payload_map(self) -> PayloadMap | None:
+        return None if self.point.payload is None else _payload_map_at(self.problem, self.active, self.point.payload)
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class WarmStart:
     payload: Float[Array, " 4"] | None = None
 
     @staticmethod
-    def nothing(problem: Problem) -> WarmStart:
+    def empty(problem: Problem) -> WarmStart:
         """A start without any coefficients, for use if no similar fit is known."""
         return WarmStart(np.full(len(problem.precision), np.nan))
 
@@ -188,7 +188,7 @@ def fit(
         near: Coefficients of a similar fit, from which this fit starts; None if there is none.
         point: The estimate about which to linearise; None to find it by iteration.
     """
-    near = WarmStart.nothing(problem) if near is None else near
+    near = WarmStart.empty(problem) if near is None else near
     scaled = [term for term in terms if term.effect.scales_joint]
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
@@ -343,27 +343,33 @@ def _fit_linear(
         near: Coefficients from which the search for active bounds starts.
         bodies: Bodies that must be physically possible.
     """
-    load, folded, fitted, held_out = point.payload, None, active, products.held_out
+    load, payload_map, fitted, held_out = point.payload, None, active, products.held_out
     gram, right_side, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
         # The ten columns of the payload are combined to four: those of mass and first moments.
-        folded = _folded_at(problem, active, load)
-        fitted, gram, right_side = active[folded.keep], folded.reduced_gram(gram), folded.reduced_right_side(right_side)
-        folds = None if folds is None else (folded.reduced_gram(folds[0]), folded.reduced_right_side(folds[1]))
+        payload_map = _payload_map_at(problem, active, load)
+        fitted, gram, right_side = (
+            active[payload_map.kept_columns],
+            payload_map.reduced_gram(gram),
+            payload_map.reduced_right_side(right_side),
+        )
+        folds = (
+            None if folds is None else (payload_map.reduced_gram(folds[0]), payload_map.reduced_right_side(folds[1]))
+        )
     precision, lower, upper, start = (x[fitted] for x in (problem.precision, problem.lower, problem.upper, near.theta))
     if load is not None:
         mass = len(fitted) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
     unconstrained = minimum_of(gram, right_side, products.c, precision, (lower, upper), start, folds)
     positions = positions_of_bodies(fitted, bodies)
-    found = among_possible_bodies(unconstrained, gram, right_side, precision, (lower, upper), folds, positions)
+    found = with_possible_bodies(unconstrained, gram, right_side, precision, (lower, upper), folds, positions)
     theta = np.zeros(len(problem.precision))
-    theta[active] = found.x if folded is None else folded.unfolded(found.x)
+    theta[active] = found.x if payload_map is None else payload_map.expanded(found.x)
     nuisances = slice(0, problem.nuisance_count)
     penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
     loss, fold_x = np.zeros(0), np.zeros((0, len(active)))
     if held_out is not None:
-        fold_x = found.without if folded is None else folded.unfolded(found.without)
+        fold_x = found.without if payload_map is None else payload_map.expanded(found.without)
         fold = problem.grams.fold
         # Blocks of recordings that no fit uses (fold -1) are predicted by the fit to all other blocks.
         loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
@@ -371,7 +377,7 @@ def _fit_linear(
     return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied_gain)
 
 
-def _folded_at(problem: Problem, active: Int[Array, " k"], load: LoadEstimate) -> FoldedLoad:
+def _payload_map_at(problem: Problem, active: Int[Array, " k"], load: LoadEstimate) -> PayloadMap:
     """Map from the ten columns of a payload to four, linearised about the estimate ``load``."""
     jacobian = load_map(problem.session.robot, load.term, load.start)
-    return FoldedLoad(np.searchsorted(active, load.term.columns), len(active), jacobian)
+    return PayloadMap(np.searchsorted(active, load.term.columns), len(active), jacobian)

@@ -121,7 +121,7 @@ def reduced_load(
 
 
 @dataclass(frozen=True)
-class FoldedLoad:
+class PayloadMap:
     """Map between all coefficients of a fit and the reduced ones: mass and first moments replace a payload's ten.
 
     Mass and first moments come last among the reduced coefficients.
@@ -142,14 +142,14 @@ class FoldedLoad:
         return np.setdiff1d(np.arange(self.count), self.at)
 
     @property
-    def keep(self) -> Int[Array, " n"]:
+    def kept_columns(self) -> Int[Array, " n"]:
         """Indices of the columns whose priors and bounds the reduced coefficients have."""
         return np.concatenate([self.others, self.at[:4]])
 
     @property
-    def expand(self) -> Float[Array, "k n"]:
+    def jacobian_of_all(self) -> Float[Array, "k n"]:
         """Derivative of the coefficients of all columns with respect to the reduced ones."""
-        return self.unfolded(np.eye(len(self.others) + 4)).T
+        return self.expanded(np.eye(len(self.others) + 4)).T
 
     def reduced_gram(self, a: Float[Array, "*F k k"]) -> Float[Array, "*F n n"]:
         """Products of the reduced columns with each other."""
@@ -166,7 +166,7 @@ class FoldedLoad:
         """Products of the reduced columns with the residual."""
         return np.concatenate([b[..., self.others], b[..., self.at] @ self.jacobian], axis=-1)
 
-    def unfolded(self, x: Float[Array, "*F n"]) -> Float[Array, "*F k"]:
+    def expanded(self, x: Float[Array, "*F n"]) -> Float[Array, "*F k"]:
         """Coefficients of all columns from the reduced ones."""
         out = np.empty((*x.shape[:-1], self.count))
         out[..., self.others] = x[..., :-4]

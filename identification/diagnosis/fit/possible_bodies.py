@@ -146,7 +146,7 @@ def positions_of_bodies(fitted: Int[Array, " n"], bodies: tuple[Body, ...]) -> l
     return [(body, order[np.searchsorted(fitted, body.columns, sorter=order)]) for body in bodies]
 
 
-def among_possible_bodies(
+def with_possible_bodies(
     found: Minimum,
     gram: Float[Array, "n n"],
     right_side: Float[Array, " n"],

@@ -27,25 +27,25 @@ class DriveClass:
     """Expected error of the modelled torque for a class of drives.
 
     Attributes:
-        of_torque: Error from derivatives, filters and torque constants, as a share of the measured torque.
-        of_friction: Error near reversals and while the joint creeps, as a share of the modelled friction.
-        of_noise: Random torque of the drive itself, as a share of the measured torque. No sensor shows this torque, and
-            its frequencies may be in the band of the motion.
+        torque_error: Error from derivatives, filters and torque constants, as a share of the measured torque.
+        friction_error: Error near reversals and while the joint creeps, as a share of the modelled friction.
+        random_torque: Random torque of the drive itself, as a share of the measured torque. No sensor shows this
+            torque, and its frequencies may be in the band of the motion.
     """
 
-    of_torque: float
-    of_friction: float
-    of_noise: float
+    torque_error: float
+    friction_error: float
+    random_torque: float
 
 
 # By ``torque_source``: a command does not contain the errors of drive and gear, a current does not contain those of the
-# gear, and a torque sensor measures both. The values of `of_noise` are based on repetitions of a motion: their torques
-# differ by 1.0 % on EMPS, a good axis, and by 3.4 to 6.3 % on an STS3250 servo with six loads
+# gear, and a torque sensor measures both. The values of `random_torque` are based on repetitions of a motion: their
+# torques differ by 1.0 % on EMPS, a good axis, and by 3.4 to 6.3 % on an STS3250 servo with six loads
 # (`benchmarks/noise_floor.py repeated` prints this).
 DRIVE_CLASSES = {
-    "command": DriveClass(0.005, 0.1, of_noise=0.025),
-    "current": DriveClass(0.005, 0.1, of_noise=0.025),
-    "sensor": DriveClass(0.003, 0.05, of_noise=0.0),
+    "command": DriveClass(0.005, 0.1, random_torque=0.025),
+    "current": DriveClass(0.005, 0.1, random_torque=0.025),
+    "sensor": DriveClass(0.003, 0.05, random_torque=0.0),
 }
 
 
@@ -56,7 +56,7 @@ def drive_noise(robot: Robot, torque: Float[Array, " nv"]) -> Float[Array, " nv"
         robot: The given model, which states the source of its torques.
         torque: Root mean square of each joint's measured torque.
     """
-    return DRIVE_CLASSES[robot.torque_source].of_noise * torque
+    return DRIVE_CLASSES[robot.torque_source].random_torque * torque
 
 
 def discrepancy(
@@ -82,7 +82,7 @@ def discrepancy(
         return np.sqrt(squares / counts)
 
     of_friction, of_model = weighted_rms(session.in_judged_band(friction)), weighted_rms(earlier)
-    of_drive = np.hypot(drive.of_torque * torque, drive.of_friction * of_friction)
+    of_drive = np.hypot(drive.torque_error * torque, drive.friction_error * of_friction)
     of_drive = np.minimum(of_drive, MOST_DRIVE_ERROR * torque)
     return np.hypot(of_drive, np.minimum(of_model, rules.ORDINARY_SHARE * torque))
 

@@ -34,7 +34,7 @@ _SHIFTS = 41  # number of shifts between -1 and 1 sample that are tried
 
 
 @dataclass(frozen=True)
-class Repeated:
+class RepetitionNoise:
     """Estimated noise of one joint's torque: root mean square of the part that does not repeat.
 
     Attributes:
@@ -46,9 +46,9 @@ class Repeated:
     error: float
 
 
-def repeated_noise(
+def repetition_noise(
     session: Session, residual: Series, usable: tuple[Bool[Array, "n nv"], ...], counts: Series | None = None
-) -> tuple[Repeated | None, ...]:
+) -> tuple[RepetitionNoise | None, ...]:
     """Noise of each joint's torque in the judged band; None for a joint whose motion does not repeat.
 
     Half the mean square of the difference between two repetitions is the variance of the noise. The error of a model
@@ -69,14 +69,14 @@ def repeated_noise(
         for j in range(rows):
             use = agree & usable[first][part, j] & usable[second][other, j]
             differences[j].append((residual[first][part, j] - residual[second][other, j], use.astype(float)))
-    strictly = [_repeated(parts) for parts in differences]
+    strictly = [_noise_of_differences(parts) for parts in differences]
     if counts is None or all(one is not None for one in strictly):
         return tuple(strictly)
-    loosely = _loosely_repeated(session, residual, counts)
+    loosely = _noise_of_loose_repetitions(session, residual, counts)
     return tuple(other if one is None else one for one, other in zip(strictly, loosely, strict=True))
 
 
-def _loosely_repeated(session: Session, residual: Series, counts: Series) -> list[Repeated | None]:
+def _noise_of_loose_repetitions(session: Session, residual: Series, counts: Series) -> list[RepetitionNoise | None]:
     """Noise of each joint from recordings whose motions agree to some per cent; None for a joint without such."""
     rows, logs = len(session.robot.joint_names), session.logs
     if session.differences != ALIKE:
@@ -95,7 +95,7 @@ def _loosely_repeated(session: Session, residual: Series, counts: Series) -> lis
         of_model = np.maximum(of_model, unlike * residual_rms)
         for j in range(rows):
             differences[j].append((residual[first][samples, j] - other[:, j], weight[:, j]))
-    out = [_repeated(parts) for parts in differences]
+    out = [_noise_of_differences(parts) for parts in differences]
     return [
         one if one is not None and most < _MODEL_ERROR_SHARE * one.value else None
         for one, most in zip(out, of_model, strict=True)
@@ -145,7 +145,7 @@ def _interpolated(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array
     )
 
 
-def _repeated(parts: list[tuple[Array, Array]]) -> Repeated | None:
+def _noise_of_differences(parts: list[tuple[Array, Array]]) -> RepetitionNoise | None:
     """Noise of a torque, from weighted differences of repetitions; None with too few independent differences."""
     independent, squares, count = 0.0, 0.0, 0.0
     for difference, weight in parts:
@@ -157,7 +157,7 @@ def _repeated(parts: list[tuple[Array, Array]]) -> Repeated | None:
             squares, count = squares + float(own @ difference[used] ** 2), count + float(own.sum())
     if independent < _FEWEST_DIFFERENCES:
         return None
-    return Repeated(float(np.sqrt(0.5 * squares / count)), float(np.sqrt(0.5 / independent)))
+    return RepetitionNoise(float(np.sqrt(0.5 * squares / count)), float(np.sqrt(0.5 / independent)))
 
 
 def repetitions(session: Session) -> list[tuple[int, int, int]]:

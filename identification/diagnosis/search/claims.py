@@ -48,7 +48,7 @@ def least_gain(search: Search, terms: frozenset[Term], others: frozenset[Term], 
     # Total gain at which the gain on each joint is a fair part of the joint's gap.
     fair = _fair_part(search, others) / np.maximum(shares, 1e-12)
     order = np.argsort(fair)
-    # At a total gain of ``fair[order][k]``, the first k + 1 joints count. Their share of the gain has to exceed chance.
+    # At a total gain of ``fair[order][k]``, the gain on the first k + 1 joints is counted. It has to exceed chance.
     counted = np.maximum(np.cumsum(shares[order]), 1e-12)
     least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
     return least + fair_part.SPURIOUS_FACTOR * sum(search.spurious.get(term.effect_joint, 0.0) for term in terms)

@@ -69,7 +69,7 @@ def can_join(chosen: frozenset[Term], term: Term) -> bool:
     return term not in chosen and not any(contains(other, term) for other in chosen)
 
 
-def is_beside_parts(chosen: frozenset[Term], term: Term) -> bool:
+def has_parts_in(chosen: frozenset[Term], term: Term) -> bool:
     """True for an effect with one parameter for several joints, if the set contains effects that may be parts of it."""
     parts = (other for other in chosen if are_parts([other], term) and other.joint in joints_of(term))
     return is_of_many_joints(term) and any(parts)
@@ -135,6 +135,6 @@ def is_nested(term: Term, others: frozenset[Term]) -> bool:
     )
 
 
-def has_parts(rich: Term, names: set[str]) -> bool:
+def equals_sum_of(rich: Term, names: set[str]) -> bool:
     """True if effects with some of these names add up to a special case of a law."""
     return bool(rich.effect.same_as_sum) and names.issuperset(rich.effect.same_as_sum)

@@ -21,7 +21,7 @@ from phantom_dyn.array_types import Array, Float
 def costs_of(
     search: Search, sets: list[frozenset[Term]], twins: list[bool], unnested: Sequence[bool] = ()
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Cost of each set, price plus penalty on changes within tolerance, in two versions that count equally.
+    """Cost of each set, price plus penalty on changes within tolerance, in two versions of equal weight.
 
     The penalty is relative to that of the first set. In the first version the whole difference counts. Stated
     tolerances are only rough. So in the second version a difference is reduced by four, the penalty of a change by two

@@ -194,7 +194,7 @@ class Fits:
             _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
         else:
             return self._first_start
-        return replace(WarmStart.nothing(self.problem).after(similar, ()), payload=self._first_start.payload)
+        return replace(WarmStart.empty(self.problem).after(similar, ()), payload=self._first_start.payload)
 
     @cached_property
     def _first_start(self) -> WarmStart:
@@ -202,7 +202,7 @@ class Fits:
 
         This is a good start, because the nuisances are at the same bounds in most fits.
         """
-        start = WarmStart.nothing(self.problem)
+        start = WarmStart.empty(self.problem)
         start = start.after(fit(self.problem, (), held_out=False, near=start), ())
         load = next((term for term in self.problem.columns.terms if term.effect.inertial == "point mass"), None)
         if load is None:

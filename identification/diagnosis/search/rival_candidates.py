@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.search.containment import are_parts, contains, has_parts, is_nested, scales_all_bodies
+from identification.diagnosis.search.containment import are_parts, contains, equals_sum_of, is_nested, scales_all_bodies
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search
@@ -31,9 +31,9 @@ def candidate_sets(
     barred: frozenset[EffectJoint],
     other_conditions: tuple[Search, ...],
     *,
-    only_good: bool,
+    must_fit_well: bool,
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[Chosen]]:
-    """The set with a finding and all sets with a rival in its place that are not far worse.
+    """The set with a finding, and all sets with a rival in its place that are not far worse.
 
     A set is left out if it is far worse in all frequency bands. One band is not enough: where noise is white,
     frequencies above the judged band (where findings are tested) have the same weight as others, and a small error of
@@ -46,19 +46,20 @@ def candidate_sets(
         term: The finding, one of these effects.
         barred: Laws, with their joints, that do not differ from a simpler one.
         other_conditions: Searches over the same candidates under other conditions.
-        only_good: False to leave out only causes with less than half of the finding's gain, because the finding has an
-            implausible size.
+        must_fit_well: True to leave out sets that fit far worse. False to leave out only causes that gain less than
+            half as much as the finding, because the finding has an implausible size.
 
     Returns:
-        The held-out loss of each block for each set; for each set with a rival, the effects in place of the finding;
-        and laws with more parameters that contain the finding.
+        The held-out loss of each block for each set, including the errors of the method for laws with more parameters;
+        for each set with a rival, the effects in place of the finding; and laws with more parameters that contain the
+        finding.
     """
     base, accuracy = search.held_out_fit(chosen), fair_part.ACCURACY * explained_loss(search, chosen, term)
     losses, replacements, richer_laws = {chosen: base.loss}, dict[Chosen, Chosen](), list[Chosen]()
     searches = (search, *(one for one in other_conditions if one.problem.white is not search.problem.white))
     # Largest difference of the in-sample losses, for each search.
     slack = [
-        rules.HOPELESS_LOSS if only_good else _SHARE_OF_GAIN * explained_loss(one, chosen, term) for one in searches
+        rules.HOPELESS_LOSS if must_fit_well else _SHARE_OF_GAIN * explained_loss(one, chosen, term) for one in searches
     ]
     alternatives = dict.fromkeys(
         others
@@ -73,7 +74,7 @@ def candidate_sets(
         swapped = with_replacement(chosen, term, others)
         if swapped in losses or not others <= swapped:
             continue
-        if only_good:
+        if must_fit_well:
             nested = is_nested(term, others)
             far_worse = all(is_far_worse(one, chosen, swapped, priced=nested) for one in searches)
         else:
@@ -148,7 +149,7 @@ def exact_twins(search: Search, chosen: Chosen, term: Term) -> dict[Chosen, Chos
     """
     names_on_joint = {other.effect.name for other in chosen if other.joint == term.joint}
     for rich in search.terms:
-        if contains(rich, term) and has_parts(rich, names_on_joint):
+        if contains(rich, term) and equals_sum_of(rich, names_on_joint):
             return {with_replacement(chosen, term, search.alone[rich]): search.alone[rich]}
     for bodies in search.terms:
         if scales_all_bodies(term, bodies):

@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.containment import contains, has_parts, is_nested
+from identification.diagnosis.search.containment import contains, equals_sum_of, is_nested
 from identification.diagnosis.search.fair_costs import (
     costs_of,
     does_not_cancel,
@@ -140,7 +140,7 @@ def compare_with_rivals(
     for swapped, others in compared.replacements.items():
         # The odds of the richer to the simpler law must not depend on which of them is the finding.
         if causes[swapped] and all(contains(term, other) for other in others):
-            same_sum = has_parts(term, {other.effect.name for other in others})
+            same_sum = equals_sum_of(term, {other.effect.name for other in others})
             odds = 1.0 if same_sum else min(odds_of_richer(search, swapped, chosen), 1.0)
             shares[()] = max(shares[()], odds * shares[causes[swapped]])
     probability_of = _listed_probabilities(shares)
@@ -169,7 +169,7 @@ def _compared_sets(
     base, diagnosed_before = search.held_out_fit(chosen), bool(search.problem.session.known)
     is_plausible = has_plausible_sizes(search, chosen, frozenset([term]))
     losses, replacements, richer_laws = candidate_sets(
-        search, chosen, term, barred, other_conditions, only_good=is_plausible or not diagnosed_before
+        search, chosen, term, barred, other_conditions, must_fit_well=is_plausible or not diagnosed_before
     )
     losses |= {candidate: base.loss + loss for candidate, loss in partial_losses.items()}
     replacements |= {candidate: candidate - chosen for candidate in partial_losses}
@@ -205,8 +205,8 @@ def _shares_of_sets(
     priced = [chosen if candidate in compared.partial_losses else candidate for candidate in fitted]
     unnested = {candidate for candidate, others in compared.replacements.items() if not is_nested(term, others)}
     is_twin, is_unnested = ([candidate in some for candidate in sets] for some in (compared.twins, unnested))
-    # Only laws with a shape have errors of linearisation.
-    has_shape = [
+    # Only laws with a shape are linearised.
+    has_linearisation_errors = [
         candidate in unnested and any(law.shape for law in (term, *compared.replacements[candidate]))
         for candidate in sets
     ]
@@ -226,7 +226,7 @@ def _shares_of_sets(
         ]
         costs = (*costs_of(condition, priced, is_twin), *costs_of(condition, priced, is_twin, is_unnested))
         gain = explained_loss(condition, chosen, term)
-        return without_method_errors(np.array(losses).T, counts - counts[0], has_shape, gain), costs
+        return without_method_errors(np.array(losses).T, counts - counts[0], has_linearisation_errors, gain), costs
 
     conditions = [losses_and_costs(other) for other in other_conditions]
     shares = probabilities(*losses_and_costs(search), conditions, by_halves=bool(conditions))

@@ -45,7 +45,7 @@ IMPOSSIBLE = 1e15
 
 @dataclass(frozen=True)
 class Threshold:
-    """Held-out gain that a claim needs: the gain that the best effect, of all or of one joint, reaches by chance.
+    """Held-out gain that a claim needs, because the best effect may gain as much by chance.
 
     Attributes:
         overall: Gain that no effect of the catalogue reaches by chance.
@@ -121,6 +121,10 @@ class Search:
     def in_sample_loss(self, chosen: frozenset[Term]) -> float:
         """In-sample loss of a set."""
         return self.fits.in_sample(chosen)
+
+    def in_sample_score(self, chosen: frozenset[Term]) -> float:
+        """In-sample loss plus the price of the parameters, which ranks sets in less time than `score`."""
+        return self.in_sample_loss(chosen) + self.price_of(chosen)
 
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better.

@@ -23,7 +23,7 @@ from identification.diagnosis.search.claims import (
     passes_gates,
     rows_of_term,
 )
-from identification.diagnosis.search.containment import can_join, is_beside_parts, is_of_many_joints, with_term
+from identification.diagnosis.search.containment import can_join, has_parts_in, is_of_many_joints, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.swaps import parts_of, with_simpler_laws, with_swaps
@@ -76,8 +76,7 @@ def _alone_if_better(search: Search, term: Term, chosen: frozenset[Term]) -> fro
     """The set of one effect alone if its score is better than that of the chosen set, else the chosen set."""
     alone = search.alone[term]
     # Held-out scores take longer, so they are computed only if the effect is better in sample.
-    in_sample, in_sample_chosen = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
-    if not in_sample < in_sample_chosen:
+    if not search.in_sample_score(alone) < search.in_sample_score(chosen):
         return chosen
     comparison = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
     if comparison.passed:
@@ -260,12 +259,12 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
 
 
 def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> bool:
-    """False for an effect with one parameter for several joints that gains no more than its parts on these joints.
+    """False for an effect with one parameter for several joints that gains hardly more than its parts on these joints.
 
-    The gain of such an effect may come from friction on several joints that is too small for a claim on each joint. All
-    other effects pass.
+    The gain of such an effect may come from friction on several joints that is too small for a claim on each joint. The
+    result is True for all other effects.
     """
-    if not is_beside_parts(chosen, term):
+    if not has_parts_in(chosen, term):
         return True
     parts = _with_small_parts(search, chosen, term)
     gain = search.score(parts) - search.score(with_term(chosen, term))

@@ -36,20 +36,16 @@ _MOST_TESTED_ON_JOINTS = 3
 
 def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """The set after swaps of single effects for better or simpler ones, until no swap lowers the score."""
-
-    def in_sample_score(other: frozenset[Term]) -> float:
-        return search.in_sample_loss(other) + search.price_of(other)
-
     for _ in range(20):
-        # In-sample losses take less time, so they decide which swaps are tested on held-out data.
-        present = in_sample_score(chosen)
+        # In-sample scores take less time, so they decide which swaps are tested on held-out data.
+        largest_score = search.in_sample_score(chosen) + above_chance.PARAMETER_PRICE
         tried = {
             with_replacement(chosen, term, others)
             for term in ordered(chosen)
             for others in relevant_alternatives(search, chosen, term, 2 * above_chance.PARAMETER_PRICE)
         }
-        ranked = sorted(tried - {chosen}, key=lambda other: (in_sample_score(other), _tie_break(other)))
-        promising = [other for other in ranked if in_sample_score(other) < present + above_chance.PARAMETER_PRICE]
+        ranked = sorted(tried - {chosen}, key=lambda other: (search.in_sample_score(other), _tie_break(other)))
+        promising = [other for other in ranked if search.in_sample_score(other) < largest_score]
         if search.many_joints:
             best = _swapped_on_all_joints(search, chosen, promising)
         else:
@@ -204,8 +200,8 @@ def _pairs_with_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
     """Pairs of a near twin of an effect, which makes nearly the same torque, and a further effect.
 
     The further effect may be another part of a law with more parameters that contains the effect or its twin: without
-    this part, the twin would seem worse than it is. It may also be the replaced effect itself: beside it, its twin
-    gains too little for a claim of its own.
+    this part, the twin would seem worse than it is. It may also be the replaced effect itself: if the set contains this
+    effect, its twin gains too little for a claim of its own.
     """
     on_joint = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]

@@ -173,7 +173,7 @@ def found(session, torque, **changes):
 
 def test_it_is_never_less_than_the_share_of_the_torque(session):
     torque = np.array([2.0, 10.0])
-    assert np.all(found(session, torque) >= DRIVE_CLASSES["command"].of_torque * torque - 1e-15)
+    assert np.all(found(session, torque) >= DRIVE_CLASSES["command"].torque_error * torque - 1e-15)
 
 
 def test_it_is_never_more_than_the_most(session):

@@ -367,7 +367,7 @@ def test_a_rival_is_left_out_only_where_it_is_hopeless_in_the_judged_band_too(
 
     monkeypatch.setattr(rival_candidates, "is_far_worse", hopeless)
     chosen = frozenset([term])
-    options, _, _ = rival_candidates.candidate_sets(search, chosen, term, frozenset(), (other,), only_good=True)
+    options, _, _ = rival_candidates.candidate_sets(search, chosen, term, frozenset(), (other,), must_fit_well=True)
     assert len({id(one) for one in searches}) == asked
     assert (len(options) > 1) == (band and not everywhere)
 

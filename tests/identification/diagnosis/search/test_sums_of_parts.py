@@ -9,7 +9,7 @@ import phantom_dyn as dyn
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.search import stepwise
 from identification.diagnosis.search.claims import passes_gates
-from identification.diagnosis.search.containment import is_beside_parts
+from identification.diagnosis.search.containment import has_parts_in
 from identification.diagnosis.search.swaps import alternatives, parts_of
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from places import ROBOTS
@@ -60,9 +60,9 @@ def test_a_number_of_several_joints_does_not_replace_a_part_of_it_on_one_of_them
 def test_which_numbers_of_several_joints_are_beside_parts_of_theirs(quiet):
     whole, single = (quiet.term("torque_constant", joint) for joint in ("shoulder+elbow", "elbow"))
     beside = frozenset([quiet.term("viscous_friction", "elbow")])
-    assert is_beside_parts(beside, whole)
-    assert not is_beside_parts(beside, single)
-    assert not is_beside_parts(frozenset([quiet.term("torque_offset", "elbow")]), whole)
+    assert has_parts_in(beside, whole)
+    assert not has_parts_in(beside, single)
+    assert not has_parts_in(frozenset([quiet.term("torque_offset", "elbow")]), whole)
 
 
 def test_friction_too_small_to_be_claimed_counts_against_one_torque_constant_for_all(lab, arm):
