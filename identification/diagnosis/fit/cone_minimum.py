@@ -300,7 +300,7 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
                 length = min(length, -slack / slack_change)
             if multiplier_change < 0.0:
                 length = min(length, -multiplier / multiplier_change)
-        _mixed(path.inverses[body], inertia_step, path.multipliers[body], path.work, multiplier_step)
+        _symmetric_product(path.inverses[body], inertia_step, path.multipliers[body], path.work, multiplier_step)
         for i in range(4):
             for j in range(4):
                 kept = aim * path.inverses[body, i, j] - path.multipliers[body, i, j] - path.corrections[body, i, j]
@@ -314,7 +314,7 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
 def _set_corrections(path: Path) -> None:
     """Write the second-order terms of the predicted step: products of the steps of bodies and multipliers."""
     for body in range(len(path.inertias)):
-        _mixed(
+        _symmetric_product(
             path.inverses[body],
             path.inertia_steps[body],
             path.multiplier_steps[body],
@@ -326,7 +326,7 @@ def _set_corrections(path: Path) -> None:
 
 
 @inlined
-def _mixed(left: Array, middle: Array, right: Array, work: Array, out: Array) -> None:
+def _symmetric_product(left: Array, middle: Array, right: Array, work: Array, out: Array) -> None:
     """Write the symmetric part of the product of three matrices."""
     for i in range(4):
         for j in range(4):

@@ -14,7 +14,14 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.point_mass import STEPS, PayloadMap, converged, load_map, mass_bounds, reduced_load
+from identification.diagnosis.fit.point_mass import (
+    STEPS,
+    PayloadMap,
+    converged,
+    load_jacobian,
+    mass_bounds,
+    reduced_load,
+)
 from identification.diagnosis.fit.possible_bodies import Body, positions_of_bodies, with_possible_bodies
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
@@ -379,5 +386,5 @@ def _fit_linear(
 
 def _payload_map_at(problem: Problem, active: Int[Array, " k"], load: LoadEstimate) -> PayloadMap:
     """Map from the ten columns of a payload to four, linearised about the estimate ``load``."""
-    jacobian = load_map(problem.session.robot, load.term, load.start)
+    jacobian = load_jacobian(problem.session.robot, load.term, load.start)
     return PayloadMap(np.searchsorted(active, load.term.columns), len(active), jacobian)

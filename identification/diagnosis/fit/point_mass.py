@@ -55,7 +55,7 @@ class ReducedLoad:
         a, b: After this elimination, products of the ten columns of the payload with each other, ``(10, 10)``, and with
             the residual, ``(10,)``.
         prior: Prior precision of mass and first moments, ``(4,)``.
-        jacobian_at: Derivative of the ten inertial parameters, as a function of mass and first moments (`load_map`).
+        jacobian_at: Function of mass and first moments: derivative of the ten inertial parameters (`load_jacobian`).
         least_mass: Smallest mass [kg]; negative if the robot may lack a part that the model has.
     """
 
@@ -115,7 +115,7 @@ def reduced_load(
         a=products.a[np.ix_(at, at)] - cross.T @ solution[:, :-1],
         b=b[at] - cross.T @ solution[:, -1],
         prior=problem.precision[active[at[:4]]],
-        jacobian_at=partial(load_map, problem.session.robot, payload),
+        jacobian_at=partial(load_jacobian, problem.session.robot, payload),
         least_mass=payload.effect.lightest(problem.session.robot),
     )
 
@@ -129,7 +129,7 @@ class PayloadMap:
     Attributes:
         at: Indices of the ten columns of the payload, ``(10,)``.
         count: Number of columns.
-        jacobian: Derivative of the ten inertial parameters with respect to mass and first moments (`load_map`).
+        jacobian: Derivative of the ten inertial parameters with respect to mass and first moments (`load_jacobian`).
     """
 
     at: Int[Array, " 10"]
@@ -174,12 +174,12 @@ class PayloadMap:
         return out
 
 
-def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
-    """Derivative of a payload's ten inertial parameters with respect to mass and first moments (`point_mass_map`).
+def load_jacobian(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
+    """Derivative of a payload's ten inertial parameters with respect to mass and first moments (`point_mass_jacobian`).
 
     A negative mass is a part that the robot lacks. Its inertia then includes that of this part about its own centre.
     """
-    return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
+    return point_mass_jacobian(start, term.effect.own_inertia(robot, float(start[0])))
 
 
 def mass_bounds(start: float, least_mass: float) -> tuple[float, float]:
@@ -194,7 +194,7 @@ def mass_bounds(start: float, least_mass: float) -> tuple[float, float]:
     return max(low, least_mass), max(high, least_mass)
 
 
-def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[Array, "10 4"]:
+def point_mass_jacobian(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[Array, "10 4"]:
     """Derivative of the ten inertial parameters of a point mass with respect to mass and first moments ``(m, h)``.
 
     The inertia is ``(h.h 1 - h h^T) / m``, negative for a missing mass. It is homogeneous of degree one in ``(m, h)``,

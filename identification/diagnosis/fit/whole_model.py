@@ -19,7 +19,7 @@ import numpy as np
 from identification.diagnosis.columns.operations import adjusted_robot, moved_operation
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.point_mass import load_map
+from identification.diagnosis.fit.point_mass import load_jacobian
 from identification.diagnosis.fit.problem import Problem
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
@@ -221,7 +221,7 @@ def _with_slopes(
     effect = slices.term.effect
     if effect.inertial == "point mass":
         columns = columns_of(layout.problem, slices.term.columns, log)
-        slopes = columns @ load_map(layout.problem.session.robot, slices.term, own)
+        slopes = columns @ load_jacobian(layout.problem.session.robot, slices.term, own)
         # The torque is homogeneous of degree one in mass and first moments, so it is the slopes times these four.
         return slopes @ own, slopes
 

@@ -88,7 +88,7 @@ def discrepancy(
 
 
 def earlier_model_error(session: Session, log: int) -> Float[Array, "N nv"]:
-    """Rms error of the model's torque in each sample of a log, from an earlier diagnosis; zero without such a one."""
+    """Rms error of the model's torque in each sample of a log, from an earlier diagnosis; zero if there is none."""
     error = session.robot.model_error
     slow = slow_samples(session, log)
     # `model_error` has two columns: the error near reversals and that in faster motion.

@@ -164,7 +164,7 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
 
 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
-    """Noise of each row (one joint's torque), with estimates below the noise of the encoders replaced by the latter.
+    """Noise of each row (one joint's torque): the estimate, or the noise of the encoders if that is larger.
 
     The estimates come from flexible fits. These explain encoder noise by columns with the same noise, so that an
     estimate may be too small.
@@ -221,7 +221,7 @@ def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Serie
         own = filters.columns(values(log), log)
         alone = replace(white, values=(own,), residual=white.residual[one], usable=white.usable[one])
         more = map(_without_cores, all_row_grams(alone, blocks, session.folds[of_log], problem.weights))
-        rows = tuple(map(_added, rows, more)) if rows else tuple(more)
+        rows = tuple(map(_joined, rows, more)) if rows else tuple(more)
     return set_up(session, columns, white, problem.weights, rows)
 
 
@@ -233,7 +233,7 @@ def _without_cores(row: RowGrams) -> RowGrams:
     return replace(row, a=with_fold.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
 
 
-def _added(first: RowGrams, second: RowGrams) -> RowGrams:
+def _joined(first: RowGrams, second: RowGrams) -> RowGrams:
     """Products of one row over the logs of both arguments."""
     joined = {
         name: np.concatenate([getattr(first, name), getattr(second, name)])

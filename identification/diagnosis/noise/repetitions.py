@@ -77,7 +77,7 @@ def repetition_noise(
 
 
 def _noise_of_loose_repetitions(session: Session, residual: Series, counts: Series) -> list[RepetitionNoise | None]:
-    """Noise of each joint from recordings whose motions agree to some per cent; None for a joint without such."""
+    """Noise of each joint from recordings whose motions agree to some per cent; None for a joint with too few."""
     rows, logs = len(session.robot.joint_names), session.logs
     if session.differences != ALIKE:
         return [None] * rows

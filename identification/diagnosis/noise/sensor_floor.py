@@ -87,7 +87,7 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
     value, low, high, torque = np.full((4, robot.nv), np.nan)
     limit, rounding = np.zeros(robot.nv), _rounding_errors(session)
     densities = torque_densities(session, readings, deviations)
-    rises = joints_that_rise(densities)
+    rises = joints_with_rising_noise(densities)
     for j, density in enumerate(densities):
         if density is not None:
             torque[j] = np.sqrt(density.value * gain)
@@ -139,7 +139,7 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
     return out
 
 
-def joints_that_rise(densities: list[Density | None]) -> list[bool]:
+def joints_with_rising_noise(densities: list[Density | None]) -> list[bool]:
     """True for joints whose noise is not white, but rises towards the band of the motion.
 
     The drives of a robot are alike. So if the noise of most joints rises, that of every joint is assumed to rise.

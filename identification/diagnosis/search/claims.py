@@ -97,7 +97,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     needed = least_gain(search, new, without, by_row) + max(extra - above_chance.PARAMETER_PRICE, 0.0)
     # In a set with a near twin an effect gains little. If its torque is large enough, only the threshold of chance
     # applies.
-    if _torque_beside_twins(new, without, with_new) > needed:
+    if _torque_with_twins(new, without, with_new) > needed:
         needed = min(needed, search.threshold.of(*new))
     yield fair_part_of_the_gap(gain, needed)
     yield in_enough_blocks(
@@ -110,7 +110,7 @@ def _results(search: Search, chosen: frozenset[Term], without: frozenset[Term]) 
     )
 
 
-def _torque_beside_twins(new: frozenset[Term], without: frozenset[Term], fitted: Fitted) -> float:
+def _torque_with_twins(new: frozenset[Term], without: frozenset[Term], fitted: Fitted) -> float:
     """Squared torque of new effects that have a near twin in the set; zero without twins.
 
     In a set with its twin, an effect gains little even if its own torque is large, because the twin explains nearly the

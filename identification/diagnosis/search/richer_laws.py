@@ -107,6 +107,6 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
 
 
 def has_plausible_sizes(search: Search, chosen: Chosen, effects: Chosen) -> bool:
-    """True if some effects of a set have plausible sizes in its fit."""
+    """True if all given effects of a set have plausible sizes in its fit."""
     session, found = search.problem.session, search.held_out_fit(chosen)
     return all(implausible_size(session, one, *found.coefficients_of(one)) is None for one in effects)

@@ -66,7 +66,7 @@ def nearest_case(robot: Robot, term: Term, fitted: FullFit) -> tuple[float, tupl
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
     of_other_shape = _cases_of_other_shape(robot, term, x) if len(x) == count else frozenset()
-    return _nearest_case(cases, x, fitted.presence_covariance(term), excluded=of_other_shape)
+    return _first_equal_or_nearest(cases, x, fitted.presence_covariance(term), excluded=of_other_shape)
 
 
 def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
@@ -101,7 +101,7 @@ def nearest_case_at_shape(
 
     theta = fitted.theta[columns]
     of_other_shape = _cases_of_other_shape(robot, term, theta)
-    return _nearest_case(cases, theta, fitted.cov[np.ix_(at, at)], names, of_other_shape)
+    return _first_equal_or_nearest(cases, theta, fitted.cov[np.ix_(at, at)], names, of_other_shape)
 
 
 def _cases_of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
@@ -132,7 +132,7 @@ def vanishes_at_bound(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bo
     )
 
 
-def _nearest_case(
+def _first_equal_or_nearest(
     cases: Callable[[Array], tuple[SpecialCase, ...]],
     x: Float[Array, " k"],
     cov: Float[Array, "k k"],

@@ -13,7 +13,7 @@ from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.noise.sensor_floor import (
     _mean_density,
     _smaller_density,
-    joints_that_rise,
+    joints_with_rising_noise,
     sensed_noise,
     sensor_floor,
 )
@@ -112,8 +112,8 @@ def test_white_noise_does_not_rise(made):
 
 def test_noise_rises_on_all_joints_if_it_does_on_most():
     rises, white = Density(1.0, 0.5, 2.0, rises=True, limit_if_rising=8.0), Density(1.0, 0.5, 2.0, limit_if_rising=4.0)
-    assert joints_that_rise([rises, None, white, rises]) == [True, False, True, True]
-    assert joints_that_rise([rises, None, white]) == [True, False, False]
+    assert joints_with_rising_noise([rises, None, white, rises]) == [True, False, True, True]
+    assert joints_with_rising_noise([rises, None, white]) == [True, False, False]
 
 
 def test_noise_rises_in_the_mean_if_it_does_in_one_recording():
