@@ -17,10 +17,10 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.point_mass import (
     STEPS,
     PayloadMap,
+    best_estimate,
     converged,
     load_jacobian,
     mass_bounds,
-    reduced_load,
 )
 from identification.diagnosis.fit.possible_bodies import Body, positions_of_bodies, with_possible_bodies
 from identification.diagnosis.fit.problem import Problem
@@ -321,8 +321,7 @@ def _point_mass(
         # The robot may lack a mass that the model has: negative masses at the same distances.
         possible = (distance for distance in (0.03, 0.08, 0.2, 0.5) if moment < -least_mass * distance)
         starts += [np.array([-moment / distance, *moments]) for distance in possible]
-    reduced = reduced_load(problem, active, products, payload, free_inertia.theta)
-    estimate = min((reduced.iterated(start) for start in starts), key=reduced.loss)
+    estimate = best_estimate(problem, active, products, payload, free_inertia.theta, starts)
     for _ in range(STEPS):
         last = estimate
         found = _fit_linear(problem, active, products, LinearisationPoint(payload=LoadEstimate(payload, last)), near)

@@ -7,9 +7,8 @@ repeated.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -45,54 +44,18 @@ def converged(estimate: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
     return bool(np.abs(estimate - last).max() <= _CONVERGED * np.abs(last).max())
 
 
-@dataclass(frozen=True)
-class ReducedLoad:
-    """Fit of one payload with the coefficients of all other columns eliminated.
+def best_estimate(
+    problem: Problem,
+    active: Int[Array, " k"],
+    products: Products,
+    payload: Term,
+    theta: Float[Array, " K"],
+    starts: list[Float[Array, " 4"]],
+) -> Float[Array, " 4"]:
+    """Mass and first moments with the least loss among those to which the iteration converges from several starts.
 
-    Other coefficients at a bound keep this value. All others have their best values for each mass and first moments.
-
-    Attributes:
-        a, b: After this elimination, products of the ten columns of the payload with each other, ``(10, 10)``, and with
-            the residual, ``(10,)``.
-        prior: Prior precision of mass and first moments, ``(4,)``.
-        jacobian_at: Function of mass and first moments: derivative of the ten inertial parameters (`load_jacobian`).
-        least_mass: Smallest mass [kg]; negative if the robot may lack a part that the model has.
-    """
-
-    a: Float[Array, "10 10"]
-    b: Float[Array, " 10"]
-    prior: Float[Array, " 4"]
-    jacobian_at: Callable[[Float[Array, " 4"]], Float[Array, "10 4"]]
-    least_mass: float
-
-    def iterated(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
-        """Mass and first moments to which the iteration converges from a start."""
-        estimate = start
-        for _ in range(STEPS):
-            last = estimate
-            jacobian = self.jacobian_at(last)
-            a = jacobian.T @ self.a @ jacobian + np.diag(self.prior)
-            b = jacobian.T @ self.b
-            estimate = solve(a, b)
-            low, high = mass_bounds(last[0], self.least_mass)
-            if not low <= estimate[0] <= high:
-                # The mass is held at its bound, and the first moments are solved for.
-                mass = float(np.clip(estimate[0], low, high))
-                estimate = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
-            if converged(estimate, last):
-                break
-        return estimate
-
-    def loss(self, x: Float[Array, " 4"]) -> float:
-        """Loss of a point mass with its exact inertia, up to a constant."""
-        theta = self.jacobian_at(x) @ x
-        return float(theta @ self.a @ theta - 2.0 * self.b @ theta + self.prior @ x**2)
-
-
-def reduced_load(
-    problem: Problem, active: Int[Array, " k"], products: Products, payload: Term, theta: Float[Array, " K"]
-) -> ReducedLoad:
-    """The fit of a payload with all other columns of a fit eliminated.
+    The coefficients of all other columns are eliminated: those at a bound keep this value, and all others have their
+    best values for each mass and first moments.
 
     Args:
         problem: Priors and bounds.
@@ -100,24 +63,47 @@ def reduced_load(
         products: Products of these columns.
         payload: The term of the payload.
         theta: All coefficients of a fit with free inertia; it shows which of them are at a bound.
+        starts: Masses [kg] and first moments [kg m].
     """
+    robot = problem.session.robot
     at = np.searchsorted(active, payload.columns)
     others = np.setdiff1d(np.arange(len(active)), at)
     x = theta[active]
-    # Coefficients at a bound are fixed, all others are free.
     inside = (x[others] > problem.lower[active[others]]) & (x[others] < problem.upper[active[others]])
     free, fixed = others[inside], others[~inside]
-    b = products.b - products.a[:, fixed] @ x[fixed]
+    right_side = products.b - products.a[:, fixed] @ x[fixed]
     inner = products.a[np.ix_(free, free)] + np.diag(problem.precision[active[free]])
     cross = products.a[np.ix_(free, at)]
-    solution = solve(inner, np.column_stack([cross, b[free]]))
-    return ReducedLoad(
-        a=products.a[np.ix_(at, at)] - cross.T @ solution[:, :-1],
-        b=b[at] - cross.T @ solution[:, -1],
-        prior=problem.precision[active[at[:4]]],
-        jacobian_at=partial(load_jacobian, problem.session.robot, payload),
-        least_mass=payload.effect.lightest(problem.session.robot),
-    )
+    solution = solve(inner, np.column_stack([cross, right_side[free]]))
+    # Products of the ten columns of the payload with each other and with the residual, after this elimination.
+    ten_gram = products.a[np.ix_(at, at)] - cross.T @ solution[:, :-1]
+    ten_right_side = right_side[at] - cross.T @ solution[:, -1]
+    prior, least_mass = problem.precision[active[at[:4]]], payload.effect.lightest(robot)
+
+    def iterated(start: Float[Array, " 4"]) -> Float[Array, " 4"]:
+        """Mass and first moments to which the iteration converges from a start."""
+        estimate = start
+        for _ in range(STEPS):
+            last = estimate
+            jacobian = load_jacobian(robot, payload, last)
+            a = jacobian.T @ ten_gram @ jacobian + np.diag(prior)
+            b = jacobian.T @ ten_right_side
+            estimate = solve(a, b)
+            low, high = mass_bounds(last[0], least_mass)
+            if not low <= estimate[0] <= high:
+                # The mass is fixed at its bound, and the first moments are solved for.
+                mass = float(np.clip(estimate[0], low, high))
+                estimate = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
+            if converged(estimate, last):
+                break
+        return estimate
+
+    def loss(estimate: Float[Array, " 4"]) -> float:
+        """Loss of a point mass with its exact inertia, up to a constant."""
+        ten = load_jacobian(robot, payload, estimate) @ estimate
+        return float(ten @ ten_gram @ ten - 2.0 * ten_right_side @ ten + prior @ estimate**2)
+
+    return min((iterated(start) for start in starts), key=loss)
 
 
 @dataclass(frozen=True)
