@@ -107,8 +107,8 @@ def best_bodies(
     Args:
         a: Quadratic part, positive definite.
         b: Linear part.
-        given: Standard parameters of the unchanged bodies, inside the cone.
-        reach: Constraints ``reach @ (given + x) >= 0``, all of them above zero for the given bodies.
+        given: Ten standard parameters of each unchanged body, inside the cone.
+        reach: Constraints ``reach @ (given + x) >= 0`` of each body, positive for the given bodies.
     """
     count = len(given)
     standard = STANDARD if count == 1 else np.kron(np.eye(count), STANDARD)

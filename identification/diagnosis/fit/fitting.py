@@ -133,7 +133,7 @@ class LinearisationPoint:
 
     Attributes:
         scalings: Gain of each wrong torque constant, with the coefficients of all other columns on its row.
-        payload: The payload with its estimate; None without one.
+        payload: The payload with its estimate; None if there is none.
     """
 
     scalings: tuple[Scaling, ...] = ()
@@ -150,8 +150,8 @@ class WarmStart:
     """Coefficients of a similar fit, from which the next fit starts.
 
     Attributes:
-        theta: All coefficients, NaN where that fit has no such column, ``(K,)``.
-        payload: Mass and first moments of a payload, ``(4,)``; None without one.
+        theta: All coefficients, ``(K,)``; NaN for columns that are not in that fit.
+        payload: Mass [kg] and first moments [kg m] of a payload, ``(4,)``; None if there is none.
     """
 
     theta: Float[Array, " K"]
@@ -291,8 +291,8 @@ def _point_mass(
 ) -> Float[Array, " 4"]:
     """Mass [kg] and first moments [kg m] of the best point mass.
 
-    The inertia ``(h.h 1 - h h^T) / m`` is not linear in mass ``m`` and first moments ``h``: it is linearised repeatedly
-    about the last estimate. There are several starts:
+    The inertia ``(h.h 1 - h h^T) / m`` is not linear in mass ``m`` and first moments ``h``. So it is linearised
+    repeatedly about the last estimate. If there is no similar fit with a payload, there are several starts:
 
     - a fit with free inertia, which suits a load far from the joint;
     - a fit without inertia;

@@ -38,9 +38,9 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
     For a joint without a drive the modelled torque is not used, because it is the negative residual.
 
     Args:
-        columns: Modelled torque of all logs.
-        log: The log.
-        index: Index of the log.
+        columns: Columns with the modelled torque of all logs.
+        log: One of the logs.
+        index: Its index.
         row: Index of the joint.
     """
     at = log.samples

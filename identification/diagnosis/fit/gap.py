@@ -33,22 +33,22 @@ class ResidualSums:
     weight, because static friction is hardly known there.
 
     Attributes:
-        squares: Summed squared residuals, ``(B, nv)``.
-        counts: Numbers of samples, ``(B, nv)``.
+        squares: Weighted sums of squared residuals [(N m)^2 or N^2], ``(B, nv)``.
+        counts: Weighted numbers of samples, ``(B, nv)``.
     """
 
     squares: Float[Array, "B nv"]
     counts: Float[Array, "B nv"]
 
     def rms(self) -> Float[Array, " nv"]:
-        """Root mean square residual of each joint."""
+        """Root mean square residual of each joint [N m or N]."""
         return np.sqrt(self.squares.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1))
 
     def loss(self, floor: Float[Array, " nv"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
         """Mean over joints of squared residual over squared noise floor, with each block counted ``weights`` times.
 
         Args:
-            floor: Noise floor of each joint.
+            floor: Noise floor of each joint [N m or N].
             weights: Number of times that each block counts; one row for each loss.
 
         Returns:
@@ -103,7 +103,7 @@ def least_noise(columns: Columns) -> Float[Array, " nv"]:
 
 
 def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured minus predicted torque of every log."""
+    """Measured minus predicted torque of every log [N m or N]."""
     columns = problem.columns
     return tuple(
         residual + model - predicted
@@ -135,7 +135,7 @@ def comparison_torque(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]
 
     Args:
         problem: Robot and recordings.
-        torque: Measured or modelled torque of every log in the band.
+        torque: Measured or modelled torque of every log in the band of the fits [N m or N].
     """
     session, out = problem.session, tuple(np.array(own) for own in torque)
     for row, actuator in enumerate(session.robot.actuators):
@@ -165,8 +165,8 @@ class RowGaps:
     An effect is claimed only if it explains a share of the gap.
 
     Attributes:
-        gap: Gap of the given model, fitted within its tolerances, ``(nv,)``.
-        accuracy: Gap that the method's own inaccuracy may cause, ``(nv,)``.
+        gap: Gap of the given model after a fit of its tolerance parameters, ``(nv,)``.
+        accuracy: Gap that errors of the method may cause, ``(nv,)``.
     """
 
     gap: Float[Array, " nv"]

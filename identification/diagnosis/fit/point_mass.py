@@ -63,7 +63,7 @@ def best_estimate(
         products: Products of these columns.
         payload: The term of the payload.
         theta: All coefficients of a fit with free inertia; it shows which of them are at a bound.
-        starts: Masses [kg] and first moments [kg m].
+        starts: Estimates of mass [kg] and first moments [kg m], ``(4,)`` each.
     """
     robot = problem.session.robot
     at = np.searchsorted(active, payload.columns)
@@ -188,8 +188,8 @@ def point_mass_jacobian(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> F
     inertia is left out.
 
     Args:
-        start: Mass and first moments.
-        own: Inertia per mass about the centre of mass, as xx, xy, yy, xz, yz, zz; zero for a point.
+        start: Mass [kg] and first moments [kg m].
+        own: Inertia per mass about the centre of mass [m^2], as xx, xy, yy, xz, yz, zz; zero for a point.
     """
     jacobian = np.zeros((10, 4))
     jacobian[:4] = np.eye(4)

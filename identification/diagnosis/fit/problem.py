@@ -21,8 +21,8 @@ from identification.engine.products.grams import Grams, RowGrams, Weights, all_r
 from identification.engine.products.triangles import diagonal
 from phantom_dyn.array_types import Array, Float, Int
 
-# Tolerance parameters are left out of all fits if the sum of squares of the torque that they change, each at its bound,
-# is at most this many times the noise variance of one sample.
+# Tolerance parameters are left out of all fits if the torque that they add together, each at its bound, has a sum of
+# squares of at most this many noise variances of one sample.
 _NEGLIGIBLE_SQUARES = 1.0
 # A column consists of rounding errors if its size is below this share of that of the largest column of its effect. The
 # prior of its coefficient then has a standard deviation of one, whatever the size of the column is.

@@ -41,7 +41,7 @@ _MEDIAN_EFFICIENCY = 0.37  # efficiency of the median of squares relative to the
 # the remaining power is smaller, there may be no torque noise at all.
 _ENCODER_UNCERTAINTY = 0.3
 # If encoder noise dominates in all sub-bands, the torque noise is assumed to have this share of its largest possible
-# power. It is a quarter of the amplitude.
+# power, which is a quarter of its largest possible amplitude.
 _ASSUMED_SHARE = 1.0 / 16.0
 # Largest slope of a density that falls with frequency, as a power of frequency: the slope behind a first-order lag.
 _STEEPEST_SLOPE = 2.0

@@ -54,7 +54,7 @@ def drive_noise(robot: Robot, torque: Float[Array, " nv"]) -> Float[Array, " nv"
 
     Args:
         robot: The given model, which states the source of its torques.
-        torque: Root mean square of each joint's measured torque.
+        torque: Root mean square of each joint's measured torque [N m or N].
     """
     return DRIVE_CLASSES[robot.torque_source].random_torque * torque
 
@@ -67,7 +67,7 @@ def discrepancy(
     Args:
         session: Robot and recordings.
         usable: Weight of each sample in the judged band, for each log.
-        torque: Root mean square of each joint's measured torque.
+        torque: Root mean square of each joint's measured torque [N m or N].
     """
     drive = DRIVE_CLASSES[session.robot.torque_source]
     friction: Series = tuple(

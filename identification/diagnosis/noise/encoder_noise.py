@@ -105,7 +105,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
             continue
         # The encoders of the other joints are taken as exact.
         only_this = tuple(step if k == j else _EXACT_STEP for k in range(robot.nv))
-        # Only the rounding error beyond that of the expected step counts. Its variance is the difference of both.
+        # Only the variance of the rounding error beyond that of the expected step counts.
         share = float(np.sqrt(1.0 - min((expected / step) ** 2, 1.0)))
         pairs = tuple(zip(session.logs, columns.operations, strict=True))
         torque = tuple(share * _rounding_torque(log, motion, only_this) for log, motion in pairs)

@@ -31,7 +31,7 @@ from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 _ORDER = 8  # number of samples that predict the next; four are too few for a real servo with a load
-_SAMPLES_AT_A_TIME = 64  # number of samples that are filtered before the next ones
+_SAMPLES_AT_A_TIME = 64  # number of samples that are filtered together: few enough for the processor's cache
 
 
 def row_autocovariance(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> Float[Array, " m"]:
@@ -106,7 +106,6 @@ def filtered(filters: Float[Array, "n m"], x: Float[Array, "n ..."]) -> Float[Ar
     """``x`` after a causal filter whose coefficients differ from sample to sample; before the first, ``x`` is zero."""
     weights = filters.reshape(*filters.shape, *(1,) * (x.ndim - 1))
     out = weights[:, 0] * x
-    # A few samples at a time stay in the processor's cache until all lags are done.
     for start in range(0, len(x), _SAMPLES_AT_A_TIME):
         stop = min(start + _SAMPLES_AT_A_TIME, len(x))
         for lag in range(1, min(filters.shape[1], stop)):

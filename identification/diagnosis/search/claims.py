@@ -56,15 +56,15 @@ def least_gain(search: Search, terms: frozenset[Term], others: frozenset[Term], 
 
 def _fair_part(search: Search, others: frozenset[Term]) -> Float[Array, " nv"]:
     """Gain on each row that is a fair part of its gap, or of the residual after the other effects, ``(nv,)``."""
-    gap, exact = search.rows.gap, frozenset(term for term in others if term.effect.exact)
+    gap, exact = search.gaps.gap, frozenset(term for term in others if term.effect.exact)
     if exact:
         gap_after_exact = search.fits.row_losses(exact) - row_counts(search.problem)
         gap = np.minimum(gap, np.maximum(gap_after_exact, 0.0))
-    fair = fair_part.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
+    fair = fair_part.LEAST_SHARE_OF_GAP * gap + search.gaps.accuracy
     if not others:
         return fair
     gap_after_others = np.maximum(search.fits.row_losses(others) - row_counts(search.problem), 0.0)
-    return np.minimum(fair, np.maximum(fair_part.SHARE_OF_LEFT * gap_after_others, search.rows.accuracy))
+    return np.minimum(fair, np.maximum(fair_part.SHARE_OF_LEFT * gap_after_others, search.gaps.accuracy))
 
 
 def passes_gates(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:

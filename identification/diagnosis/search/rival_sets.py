@@ -205,7 +205,7 @@ def _shares_of_sets(
     priced = [chosen if candidate in compared.partial_losses else candidate for candidate in fitted]
     unnested = {candidate for candidate, others in compared.replacements.items() if not is_nested(term, others)}
     is_twin, is_unnested = ([candidate in some for candidate in sets] for some in (compared.twins, unnested))
-    # Only laws with a shape are linearised.
+    # Only laws with a shape have errors of linearisation.
     has_linearisation_errors = [
         candidate in unnested and any(law.shape for law in (term, *compared.replacements[candidate]))
         for candidate in sets

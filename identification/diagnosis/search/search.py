@@ -79,7 +79,7 @@ class Search:
             candidate itself is included. Cached.
         contained_in: Function that gives the candidates of which a candidate is a special case. Cached.
         threshold: Held-out gains that claims need.
-        rows: Gap of each row (joint): an effect on a joint with a large gap has to close a fair part of it.
+        gaps: Gap of each row (joint): an effect on a joint with a large gap has to close a fair part of it.
         spurious: Gain of each effect from encoder noise alone, by its name and joint.
         record: Decisions on each effect.
         alternatives_on_joint: Cache of `swaps.relevant_alternatives`: for each effect, its alternatives that act on one
@@ -93,7 +93,7 @@ class Search:
     removed_by: Callable[[Term], frozenset[Term]]
     contained_in: Callable[[Term], frozenset[Term]]
     threshold: Threshold
-    rows: RowGaps
+    gaps: RowGaps
     spurious: dict[tuple[str, str | None], float]
     record: Record = field(default_factory=Record, compare=False)
     alternatives_on_joint: dict[Term, tuple[Chosen, ...]] = field(default_factory=dict, init=False, compare=False)
@@ -243,7 +243,7 @@ def parameter_counts(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, in
 def set_up_search(
     problem: Problem,
     threshold: Threshold,
-    rows: RowGaps,
+    gaps: RowGaps,
     spurious: dict[tuple[str, str | None], float],
     record: Record | None = None,
     allowed: Iterator[int] | None = None,
@@ -253,7 +253,7 @@ def set_up_search(
     Args:
         problem: Columns, products, priors.
         threshold: Held-out gains that claims need.
-        rows: Gap of each joint.
+        gaps: Gap of each joint.
         spurious: Gain of each effect from encoder noise alone, by its name and joint.
         record: Earlier decisions on each effect; None for an empty record.
         allowed: Yields one item for each fit that may be made; None for no limit.
@@ -262,7 +262,7 @@ def set_up_search(
     terms = tuple(term for term in problem.columns.terms if counts[term] > 0)
     removed_by, contained_in = relations(problem.columns.terms)
     fits, record = Fits(problem, allowed), Record() if record is None else record
-    return Search(problem, terms, counts, fits, removed_by, contained_in, threshold, rows, spurious, record)
+    return Search(problem, terms, counts, fits, removed_by, contained_in, threshold, gaps, spurious, record)
 
 
 def with_wide_tolerances(search: Search) -> Search:

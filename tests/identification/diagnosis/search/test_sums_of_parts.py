@@ -166,10 +166,10 @@ def test_a_torque_constant_is_found_beside_much_friction_that_the_model_lacks(la
     size = 6.0 * needed.std(axis=0)
     whole = 0.7 * (needed + size * (np.sign(motion.v) + motion.v))
     bare = lab.prepared(planar2, (lab.recording(planar2, motion, needed - whole, noise=0.01),)).search
-    search = replace(bare, rows=RowGaps(bare.fits.row_losses(frozenset()), np.zeros(2)))
+    search = replace(bare, gaps=RowGaps(bare.fits.row_losses(frozenset()), np.zeros(2)))
     laws = frozenset(term for term in search.terms if term.effect_joint in friction("shoulder", "elbow"))
     scale = next(term for term in search.terms if term.effect_joint == ("torque_constant", "shoulder+elbow"))
-    assert search.fits.row_losses(laws).sum() < 0.01 * search.rows.gap.sum()
+    assert search.fits.row_losses(laws).sum() < 0.01 * search.gaps.gap.sum()
     assert passes_gates(search, laws | {scale}, laws)
     assert places(stepwise.stepwise_search(search, lambda _: None)) == places(laws | {scale})
 
