@@ -54,7 +54,7 @@ MOST_IN_A_GROUP = 32  # numbers in the largest group; half of these rarely chang
 PACKAGES = ("identification", "phantom_dyn")
 # NumPy and deques accept only integers for these counts
 UNFOLLOWED = {
-    "identification.diagnosis.fit.full_fit:_DRAWS",
+    "identification.diagnosis.fit.full_fit:_MODEL_DRAWS",
     "identification.diagnosis.judge.moved_by_noise:_SEGMENT",
     "identification.diagnosis.noise.sensor_noise:_SEGMENTS",
     "identification.diagnosis.search.fits:_RECENT",

@@ -20,7 +20,7 @@ from identification.diagnosis.fit.gap import RowGaps, held_out_torque, residual_
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.noise.chance import null_threshold
 from identification.diagnosis.noise.encoder_noise import (
-    Coarse,
+    CoarseJoint,
     at_least_encoder_noise,
     coarse_joints,
     coarsest_steps,
@@ -30,15 +30,15 @@ from identification.diagnosis.noise.encoder_noise import (
 from identification.diagnosis.noise.noise_floor import (
     estimate_noise,
     noise_floor,
-    noise_without,
-    quieter_in_band,
+    noise_without_remainder,
     smaller_noise,
+    smaller_noise_in_band,
     weights_of,
 )
 from identification.diagnosis.noise.sensor_floor import sensed_noise
 from identification.diagnosis.noise.whitening import at_least_sensor_noise, whitened, whitening_of
 from identification.diagnosis.search.claims import gate_results, passes_gates
-from identification.diagnosis.search.fits import SearchWithoutEnd
+from identification.diagnosis.search.fits import FitLimitReached
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.refinement import (
     found_effects,
@@ -82,7 +82,7 @@ class Explanation:
     chosen: frozenset[Term]
     noise: Series
     in_band: Series = ()
-    coarse: tuple[Coarse, ...] = ()
+    coarse: tuple[CoarseJoint, ...] = ()
     encoders: Float[Array, " nv"] | None = None
     fits: int = 0
     endless: bool = False
@@ -101,7 +101,7 @@ def explanation_of(session: Session, progress: Progress = lambda _: None) -> Exp
     """
     most = most_fits(session.robot.nv)
     # The memory of the stopped search is freed only after the block that handles its exception.
-    with suppress(SearchWithoutEnd):
+    with suppress(FitLimitReached):
         return _explanation_of(session, progress, iter(range(most)))
     return replace(_explanation_of(session, progress, None), fits=most, endless=True)
 
@@ -115,7 +115,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         allowed: Yields one item for each allowed fit; None: no effect is searched for.
 
     Raises:
-        SearchWithoutEnd: At the first fit that is not allowed.
+        FitLimitReached: At the first fit that is not allowed.
     """
     progress(Announcement(Stage.REGRESSORS))
     point = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
@@ -162,7 +162,7 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         search = _with_thresholds(_set_up(session, columns, noise, allowed, record), noise, spurious, progress)
         last = _explained_by_search(search, noise, sensed, progress, matching_terms(search, found))
     coarse = coarse_joints(session, columns, steps)
-    quiet = quieter_in_band(session, columns, last.noise, judged_noise, encoders)
+    quiet = smaller_noise_in_band(session, columns, last.noise, judged_noise, encoders)
     chosen = with_leading_rivals(last.search, last.chosen)
     fits = 0 if allowed is None else most_fits(session.robot.nv) - length_hint(allowed)
     last.search.fits.without_limit()
@@ -296,7 +296,7 @@ def _with_less_noise(
         residual, ratio = _noise_after(search, tried, noise, sensed)
         if ratio < rules.LOWER_NOISE:
             yield residual
-        untraced, gain = noise_without(search, tried, chosen, noise)
+        untraced, gain = noise_without_remainder(search, tried, chosen, noise)
         if gain >= rules.LEAST_TRACE:
             yield untraced
 

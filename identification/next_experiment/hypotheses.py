@@ -164,7 +164,7 @@ def model_of(variant: Variant, union: Int[Array, " u"]) -> Model:
     # The fit's own problem is used: its tolerance parameters may differ from those of the search's problem.
     problem = fit.problem
     at = np.searchsorted(union, fit.active)
-    expand = np.eye(len(at)) if fit.expand is None else fit.expand
+    expand = np.eye(len(at)) if fit.expansion is None else fit.expansion
     # The parameters are all tolerance parameters, those that the fit did not use included, and those of the effects.
     nuisances, used = problem.nuisance_count, len(problem.fitted_nuisances)
     basis = np.zeros((len(union), nuisances + expand.shape[1] - used))

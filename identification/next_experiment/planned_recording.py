@@ -17,8 +17,8 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.whitening import (
     filtered,
     friction_variance,
-    noise_law,
     noise_variance,
+    row_autocovariance,
     row_filters,
 )
 from phantom_dyn.array_types import Array, Float, Int
@@ -39,7 +39,7 @@ class PlannedRecording:
         like: Columns of the existing recordings, restricted to those that are needed.
         union: Indices of the columns whose products are computed.
         band: Filter of a planned motion; its output rate is that of the recordings.
-        laws: Autocovariance of each row's noise [torque unit^2], from `noise_law`.
+        laws: Autocovariance of each row's noise [torque unit^2], from `row_autocovariance`.
         variance: Variance of the whitened noise of each row [torque unit^2], ``(nv,)``.
         trust: Share of noise in the total variance (of noise and friction errors) of each row, averaged over the
             recordings, ``(nv,)``.
@@ -111,7 +111,7 @@ def planned_recording(
     )
     session = problem.session
     by_row = [[part[:, j] for part in noise] for j in range(session.robot.nv)]
-    laws = tuple(noise_law(columns, own, j) for j, own in enumerate(by_row))
+    laws = tuple(row_autocovariance(columns, own, j) for j, own in enumerate(by_row))
     noises = [_noise_of_row(columns, own, j, law) for j, (own, law) in enumerate(zip(by_row, laws, strict=True))]
     variance, trust = (np.array(values) for values in zip(*noises, strict=True))
     like, band = replace(columns, local=local), coarser(session.logs[0].band)

@@ -1,6 +1,6 @@
-"""Minimum of a quadratic loss over inertial parameters of bodies that can exist: a compiled interior-point method.
+"""Minimum of a quadratic loss over inertial parameters of possible bodies, by a compiled interior-point method.
 
-A body can exist if its pseudo-inertia ``S``, a symmetric 4 x 4 matrix, is positive semidefinite. The unknowns are the
+A body is possible if its pseudo-inertia ``S``, a symmetric 4 x 4 matrix, is positive semidefinite. The unknowns are the
 ten entries of each ``S`` and a matrix of multipliers ``Z`` for each. At the minimum ``S Z`` is zero. Each step solves
 for ``S`` and ``Z`` at once, such that ``S Z`` is a multiple of the identity, which becomes smaller from step to step.
 The direction of a step is that of [Helmberg]_, with the Hessian ``tr(S^-1 B_k Z B_l)`` for the symmetric unit matrices
@@ -29,18 +29,18 @@ from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn.array_types import Array, Float
 
 # Rows and columns of the entries of a pseudo-inertia: its upper triangle.
-_PLACES = np.array([(i, j) for i in range(4) for j in range(i, 4)])
-# The iteration ends if the loss is above its lower bound by less than this share of the increase of the loss due to the
-# cone, or by less than this many squared standard deviations.
-_GAP = 1e-6
+_ENTRY_POSITIONS = np.array([(i, j) for i in range(4) for j in range(i, 4)])
+# The iteration ends if the loss exceeds its lower bound by less than this share of its increase due to the cone, or by
+# less than this many squared standard deviations.
+_CONVERGED_GAP = 1e-6
 # Largest number of steps; twenty are usual.
 _STEPS = 60
-# Smallest products ``S Z`` at which a step aims, as a share of the present ones.
+# Smallest product ``S Z`` at which a step aims, as a share of the present one.
 _LEAST_AIM = 0.01
 # Length of a step as a share of the distance to the edge of the cone.
-_INSIDE = 0.95
+_STEP_SHARE = 0.95
 # Factor by which a step is shortened until it stays inside the cone, and the largest number of times.
-_SHORTER, _SHORTENED = 0.8, 60
+_SHORTENING, _MOST_SHORTENINGS = 0.8, 60
 
 
 def _unit(i: int, j: int) -> Array:
@@ -50,18 +50,18 @@ def _unit(i: int, j: int) -> Array:
     return out
 
 
-STANDARD = np.stack([standard_of(_unit(i, j)) for i, j in _PLACES], axis=1)
-"""The ten standard parameters per entry of the pseudo-inertia, ``(10, 10)``."""
+STANDARD = np.stack([standard_of(_unit(i, j)) for i, j in _ENTRY_POSITIONS], axis=1)
+"""Derivative of the ten standard parameters with respect to the entries of the pseudo-inertia, ``(10, 10)``."""
 ENTRIES = np.linalg.inv(STANDARD)
-"""Entries of the pseudo-inertia per standard parameter, ``(10, 10)``."""
+"""Derivative of the entries of the pseudo-inertia with respect to the standard parameters, ``(10, 10)``."""
 
 
 class Cone(NamedTuple):
-    """The cone of bodies that can exist.
+    """The cone of possible bodies.
 
     Attributes:
-        start: Entries of the given bodies, ``(B, 10)``.
-        reach: Rows whose products with the entries must not be negative: the centre of mass is within reach,
+        start: Entries of the pseudo-inertias of the given bodies, ``(B, 10)``.
+        reach: Rows whose products with the entries are not negative if the centre of mass is within reach,
             ``(B, F, 10)``.
         places: Row and column of each entry in the pseudo-inertia, ``(10, 2)``.
     """
@@ -102,21 +102,21 @@ class Path(NamedTuple):
 def best_bodies(
     a: Float[Array, "10B 10B"], b: Float[Array, " 10B"], given: Float[Array, "B 10"], reach: Float[Array, "B F 10"]
 ) -> Float[Array, " 10B"]:
-    """Changes ``x`` of bodies at the minimum of ``x a x / 2 - b x`` among bodies that can exist, ``(10 B,)``.
+    """Changes ``x`` of bodies at the minimum of ``x a x / 2 - b x`` among possible bodies, ``(10 B,)``.
 
     Args:
         a: Quadratic part, positive definite.
         b: Linear part.
-        given: Standard parameters of the unchanged bodies, inside the cone.
-        reach: Constraints ``reach @ (given + x) >= 0``, all of them above zero for the given bodies.
+        given: Ten standard parameters of each unchanged body, inside the cone.
+        reach: Constraints ``reach @ (given + x) >= 0`` of each body, positive for the given bodies.
     """
     count = len(given)
     standard = STANDARD if count == 1 else np.kron(np.eye(count), STANDARD)
     change, work = np.zeros(10 * count), np.zeros((10 * count + 2, 10 * count))
-    cone = Cone(given @ ENTRIES.T, reach @ STANDARD, _PLACES)
+    cone = Cone(given @ ENTRIES.T, reach @ STANDARD, _ENTRY_POSITIONS)
     path = Path._make([*np.zeros((6, count, 4, 4)), *np.zeros((5, *reach.shape[:2])), np.zeros((4, 4))])
     _minimise(standard.T @ a @ standard, standard.T @ b, cone, path, change, work)
-    # Given bodies on the edge of the cone are not changed, as no step from there stays inside.
+    # Given bodies on the edge of the cone are not changed, because no step from there stays inside.
     return standard @ change
 
 
@@ -127,7 +127,7 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array)
     Args:
         a: Quadratic part over the entries of all pseudo-inertias, ``(10 B, 10 B)``.
         b: Linear part.
-        cone: The bodies.
+        cone: The given bodies and their constraints.
         path: State of the iteration; zeros at first.
         x: Changes of the entries: zero at first, then the minimum.
         work: Work array: rows for a matrix, one for a slope and one for a step.
@@ -135,7 +135,7 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array)
     n = len(x)
     hessian, slope, step = work[:n], work[n], work[n + 1]
     pairs = float(len(cone.start) * (4 + cone.reach.shape[1]))
-    # Decrease of the loss from the given bodies to the minimum without the cone; it gives the first multipliers.
+    # Decrease of the loss from the given bodies to the minimum without the cone. The first multipliers depend on it.
     decrease = 0.0
     _set_up(a, b, x, hessian, slope)
     eliminate(hessian, n)
@@ -146,21 +146,21 @@ def _minimise(a: Array, b: Array, cone: Cone, path: Path, x: Array, work: Array)
         decrease += 0.5 * b[i] * step[i]
     if not _set_inertias(cone, path, x):
         return
-    _set_first_multipliers(max(decrease, _GAP) / pairs, path)
+    _set_first_multipliers(max(decrease, _CONVERGED_GAP) / pairs, path)
     # Slope of the Lagrangian as a share of the first one: a step of length one makes it zero.
     unsolved = 1.0
     for _ in range(_STEPS):
         loss, gap = _set_up(a, b, x, hessian, slope), _gap(0.0, path)
-        if max(gap, unsolved * decrease) <= _GAP * max(loss + decrease, 1.0):
+        if max(gap, unsolved * decrease) <= _CONVERGED_GAP * max(loss + decrease, 1.0):
             return
         _add_curvature(cone, path, hessian)
         eliminate(hessian, n)
-        # Predict a step that aims at products of zero. The better it would succeed, the smaller the products at which
-        # the real step aims; second-order terms of the prediction correct the real step.
+        # Predict a step that aims at a product of zero. The better it would succeed, the smaller the product at which
+        # the real step aims. Second-order terms of the prediction correct the real step.
         length = _step(0.0, cone, path, hessian, slope, step)
         aim = gap / pairs * max(_LEAST_AIM, (_gap(length, path) / gap) ** 2)
         _set_corrections(path)
-        length = _INSIDE * _step(aim, cone, path, hessian, slope, step)
+        length = _STEP_SHARE * _step(aim, cone, path, hessian, slope, step)
         unsolved *= 1.0 - length
         _advance(length, path, x, step)
         if length <= 0.0 or not _set_inertias(cone, path, x):
@@ -211,7 +211,7 @@ def _advance(length: float, path: Path, x: Array, step: Array) -> None:
 
 @inlined
 def _set_inertias(cone: Cone, path: Path, x: Array) -> bool:
-    """Write pseudo-inertias, their inverses and the slacks; False if one is outside of the cone."""
+    """Write pseudo-inertias, their inverses and the slacks; False if a body is outside the cone."""
     start, reach, places = cone
     n = len(places)
     for body in range(len(start)):
@@ -233,7 +233,7 @@ def _set_inertias(cone: Cone, path: Path, x: Array) -> bool:
 
 @inlined
 def _gap(length: float, path: Path) -> float:
-    """Loss minus its lower bound after a part of a step: bodies and slacks times their multipliers."""
+    """Loss minus its lower bound after a part of a step: products of bodies and slacks with their multipliers."""
     gap = 0.0
     for body in range(len(path.inertias)):
         for i in range(4):
@@ -269,7 +269,7 @@ def _add_curvature(cone: Cone, path: Path, hessian: Array) -> None:
 
 @fused
 def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step: Array) -> float:
-    """Write the step after which bodies times multipliers are ``aim`` times the identity.
+    """Write the step after which the product of bodies and multipliers is ``aim`` times the identity.
 
     Returns:
         Largest part of the step that stays inside the cone, at most one.
@@ -300,7 +300,7 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
                 length = min(length, -slack / slack_change)
             if multiplier_change < 0.0:
                 length = min(length, -multiplier / multiplier_change)
-        _mixed(path.inverses[body], inertia_step, path.multipliers[body], path.work, multiplier_step)
+        _symmetric_product(path.inverses[body], inertia_step, path.multipliers[body], path.work, multiplier_step)
         for i in range(4):
             for j in range(4):
                 kept = aim * path.inverses[body, i, j] - path.multipliers[body, i, j] - path.corrections[body, i, j]
@@ -314,7 +314,7 @@ def _step(aim: float, cone: Cone, path: Path, factor: Array, slope: Array, step:
 def _set_corrections(path: Path) -> None:
     """Write the second-order terms of the predicted step: products of the steps of bodies and multipliers."""
     for body in range(len(path.inertias)):
-        _mixed(
+        _symmetric_product(
             path.inverses[body],
             path.inertia_steps[body],
             path.multiplier_steps[body],
@@ -326,7 +326,7 @@ def _set_corrections(path: Path) -> None:
 
 
 @inlined
-def _mixed(left: Array, middle: Array, right: Array, work: Array, out: Array) -> None:
+def _symmetric_product(left: Array, middle: Array, right: Array, work: Array, out: Array) -> None:
     """Write the symmetric part of the product of three matrices."""
     for i in range(4):
         for j in range(4):
@@ -344,13 +344,13 @@ def _mixed(left: Array, middle: Array, right: Array, work: Array, out: Array) ->
 @inlined
 def _inside(length: float, matrix: Array, change: Array, factor: Array) -> float:
     """The length of a step, shortened until ``matrix + length * change`` is positive definite; zero if it never is."""
-    for _ in range(_SHORTENED):
+    for _ in range(_MOST_SHORTENINGS):
         for i in range(4):
             for j in range(i + 1):
                 factor[i, j] = matrix[i, j] + length * change[i, j]
         if _has_factor(factor):
             return length
-        length *= _SHORTER
+        length *= _SHORTENING
     return 0.0
 
 

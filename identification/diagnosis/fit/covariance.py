@@ -49,8 +49,8 @@ def covariance(
         precision: Prior precision of each parameter.
         x: The parameters.
         free: Indices of the parameters without an active bound.
-        repeated: Variance of each parameter by model errors that repeat whenever the robot is in the same state, which
-            leaving out a block does not show.
+        repeated: Variance of each parameter from model errors that repeat whenever the robot is in the same state. The
+            jackknife does not show these errors.
     """
     total = a.sum(axis=0) + np.diag(precision)
     inverse = solve(total, np.eye(len(x)))

@@ -1,10 +1,9 @@
 """Regularised least squares on Gram matrices, with bounds and priors, scored on blocks held out of the fit.
 
-Every fit works on products of columns (Gram matrices), never on samples. A row is one joint's torque; a nuisance is a
+Every fit works on products of columns (Gram matrices), never on samples. A row is one joint's torque. A nuisance is a
 change of the model within its tolerances. A fold is a group of blocks that are held out together. The fit is linear
-with two exceptions, which are solved by iteration: the gain of a wrong torque constant, which is the ratio of measured
-to true torque, multiplies all torques of its row; and the inertia of a point mass is not linear in mass and first
-moments.
+with two exceptions, which are solved by iteration. The gain of a wrong torque constant (the ratio of measured to true
+torque) multiplies all torques of its row. The inertia of a point mass is not linear in mass and first moments.
 """
 
 from __future__ import annotations
@@ -15,8 +14,15 @@ from functools import cached_property
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, converged, load_map, mass_bounds, reduced_load
-from identification.diagnosis.fit.possible_bodies import Body, among_possible_bodies, places_among
+from identification.diagnosis.fit.point_mass import (
+    STEPS,
+    PayloadMap,
+    best_estimate,
+    converged,
+    load_jacobian,
+    mass_bounds,
+)
+from identification.diagnosis.fit.possible_bodies import Body, positions_of_bodies, with_possible_bodies
 from identification.diagnosis.fit.problem import Problem
 from identification.engine.fits.bilinear import Products, Scaling, products_of
 from identification.engine.fits.minimum import minimum_of
@@ -35,13 +41,13 @@ class Fitted:
     Attributes:
         problem: The problem that was fitted.
         point: The estimate about which nonlinear laws were linearised.
-        theta: All coefficients, zero for columns that are not fitted, ``(K,)``.
+        theta: All coefficients, ``(K,)``; zero for columns that are not fitted.
         active: Indices of the fitted columns, ``(k,)``.
         penalty: Cost of the nuisances: sum of their squares, each in standard deviations of its prior.
         objective: In-sample loss over all training blocks with all priors, up to a constant.
         loss: Weighted squared residual of each block's core, predicted by a fit to other blocks, ``(B,)``.
         fold_active: Coefficients of the fitted columns in the fit without each fold, ``(F, k)``.
-        denied_gain: Amount by which the in-sample loss would be lower if physically impossible bodies were allowed.
+        denied_gain: Decrease of the in-sample loss if physically impossible bodies were allowed.
     """
 
     problem: Problem
@@ -60,7 +66,7 @@ class Fitted:
         return float(self.loss.sum()) + self.penalty
 
     def coefficients_of(self, term: Term) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-        """Coefficients of an effect, ``(n,)``, and their covariance."""
+        """Coefficients of an effect, ``(n,)``, and their covariance, ``(n, n)``."""
         own = np.searchsorted(self.active, term.columns)
         return self.theta[list(term.columns)], self.cov[np.ix_(own, own)]
 
@@ -86,26 +92,26 @@ class Fitted:
         return out
 
     @property
-    def expand(self) -> Float[Array, "k n"] | None:
-        """Derivative of the active coefficients with respect to the fitted parameters; None without a payload.
+    def expansion(self) -> Float[Array, "k n"] | None:
+        """Derivative of the active coefficients with respect to the fitted parameters; None if both are the same.
 
-        Without a payload, both are the same.
+        They differ if a payload's ten coefficients follow from its mass and first moments.
         """
-        return None if self._folded is None else self._folded.expand
+        return None if self._payload_map is None else self._payload_map.jacobian_of_all
 
     @cached_property
     def cov(self) -> Float[Array, "k k"]:
-        """Covariance of the active coefficients, priors included; computed on demand, as few fits need it."""
+        """Covariance of the active coefficients, including their priors; computed on demand, as few fits need it."""
         a, precision = products_of(self.problem, self.active, self.point.scalings, False).a, self.problem.precision
-        folded = self._folded
-        kept = self.active if folded is None else self.active[folded.keep]
-        normal = a if folded is None else folded.reduced_gram(a)
-        inverse = solve(normal + np.diag(precision[kept]), np.eye(len(kept)))
-        return inverse if folded is None else folded.unfolded(folded.unfolded(inverse).T)
+        payload_map = self._payload_map
+        fitted = self.active if payload_map is None else self.active[payload_map.kept_columns]
+        gram = a if payload_map is None else payload_map.reduced_gram(a)
+        inverse = solve(gram + np.diag(precision[fitted]), np.eye(len(fitted)))
+        return inverse if payload_map is None else payload_map.expanded(payload_map.expanded(inverse).T)
 
     @cached_property
-    def _folded(self) -> FoldedLoad | None:
-        return None if self.point.payload is None else _folded_at(self.problem, self.active, self.point.payload)
+    def _payload_map(self) -> PayloadMap | None:
+        return None if self.point.payload is None else _payload_map_at(self.problem, self.active, self.point.payload)
 
 
 @dataclass(frozen=True)
@@ -127,7 +133,7 @@ class LinearisationPoint:
 
     Attributes:
         scalings: Gain of each wrong torque constant, with the coefficients of all other columns on its row.
-        payload: The payload with its estimate; None without one.
+        payload: The payload with its estimate; None if there is none.
     """
 
     scalings: tuple[Scaling, ...] = ()
@@ -144,20 +150,20 @@ class WarmStart:
     """Coefficients of a similar fit, from which the next fit starts.
 
     Attributes:
-        theta: All coefficients, NaN where that fit has no such column, ``(K,)``.
-        payload: Mass and first moments of a payload, ``(4,)``; None without one.
+        theta: All coefficients, ``(K,)``; NaN for columns that are not in that fit.
+        payload: Mass [kg] and first moments [kg m] of a payload, ``(4,)``; None if there is none.
     """
 
     theta: Float[Array, " K"]
     payload: Float[Array, " 4"] | None = None
 
     @staticmethod
-    def nothing(problem: Problem) -> WarmStart:
-        """The start of a fit if no similar fit is known."""
+    def empty(problem: Problem) -> WarmStart:
+        """A start without any coefficients, for use if no similar fit is known."""
         return WarmStart(np.full(len(problem.precision), np.nan))
 
     def after(self, found: Fitted, terms: tuple[Term, ...]) -> WarmStart:
-        """The start of the next fit after a fit ``found`` of ``terms``; without a payload the known payload is kept."""
+        """The start of the next fit, from a fit ``found`` of ``terms``; if it has no payload, the last one remains."""
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
@@ -185,18 +191,18 @@ def fit(
     Args:
         problem: Columns, products, priors.
         terms: The effects in the model.
-        held_out: False skips the fits without each fold: `Fitted.loss` is then empty.
-        near: A similar fit, to start from.
-        point: The estimate about which to linearise; None: it is found by iteration.
+        held_out: False skips the fits without each fold; `Fitted.loss` is then empty.
+        near: Coefficients of a similar fit, from which this fit starts; None if there is none.
+        point: The estimate about which to linearise; None to find it by iteration.
     """
-    near = WarmStart.nothing(problem) if near is None else near
+    near = WarmStart.empty(problem) if near is None else near
     scaled = [term for term in terms if term.effect.scales_joint]
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
     # A torque constant multiplies everything else on its row. So the fit is repeated, linearised about the last gain.
     # In these fits its coefficient is the difference from the last gain; at the end, the gain minus one is added.
     columns = [term.columns[0] for term in scaled]
-    rows = [sorted(problem.touched[column]) for column in columns]
+    rows = [sorted(problem.rows_of_column[column]) for column in columns]
 
     def scalings_at(gains: Float[Array, " s"], theta: Float[Array, " K"]) -> tuple[Scaling, ...]:
         """Linearisation of each row of the torque constants, at given gains and coefficients of the other columns."""
@@ -231,18 +237,18 @@ def fit(
     return replace(found, problem=problem, theta=theta, fold_active=fold_active)
 
 
-def _shifted_bounds(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> Problem:
-    """The problem in which some coefficients are differences from the values ``part``: their bounds are shifted."""
+def _shifted_bounds(problem: Problem, columns: list[int], origin: Float[Array, " k"]) -> Problem:
+    """The problem in which some coefficients are differences from the values ``origin``: their bounds are shifted."""
     lower, upper = problem.lower.copy(), problem.upper.copy()
-    lower[columns] -= part
-    upper[columns] -= part
+    lower[columns] -= origin
+    upper[columns] -= origin
     return replace(problem, lower=lower, upper=upper)
 
 
 def predict(
     problem: Problem, terms: tuple[Term, ...], theta: Float[Array, " K"], log: int, part: slice = slice(None)
 ) -> Float[Array, "n nv"]:
-    """Torque of the given model with nuisances and terms [N m or N], in the band of the fits, for a part of one log."""
+    """Torque of a part of one log with nuisances and terms [N m or N], in the band of the fits, ``(n, nv)``."""
     columns = problem.columns
     of_gains = [term.columns[0] for term in terms if term.effect.scales_joint]
     others = theta.copy()
@@ -267,7 +273,7 @@ def _fit_at_point(
     near: WarmStart,
     load: LoadEstimate | None,
 ) -> Fitted:
-    """Fit at given gains of the torque constants; a payload is linearised about ``load`` or its best estimate."""
+    """Fit at given gains of the torque constants, with a payload linearised about ``load`` or its best estimate."""
     payload = next((term for term in terms if term.effect.inertial == "point mass"), None)
     active = active_columns(problem, terms)
     products = products_of(problem, active, scalings, held_out)
@@ -285,8 +291,8 @@ def _point_mass(
 ) -> Float[Array, " 4"]:
     """Mass [kg] and first moments [kg m] of the best point mass.
 
-    The inertia ``(h.h 1 - h h^T) / m`` is not linear in mass ``m`` and first moments ``h``: it is linearised repeatedly
-    about the last estimate. There are several starts:
+    The inertia ``(h.h 1 - h h^T) / m`` is not linear in mass ``m`` and first moments ``h``. So it is linearised
+    repeatedly about the last estimate. If there is no similar fit with a payload, there are several starts:
 
     - a fit with free inertia, which suits a load far from the joint;
     - a fit without inertia;
@@ -294,35 +300,35 @@ def _point_mass(
 
     All starts are iterated with the other columns eliminated. The best result is then iterated with all bounds.
     """
-    first = _fit_linear(problem, active, products, LinearisationPoint(payload=LoadEstimate(payload, np.zeros(4))), near)
-    near = near.after(first, ())
-    moments = first.theta[list(payload.columns[1:4])]
-    far = max(float(np.linalg.norm(moments)), 1e-9)
-    # A fit linearised about zero mass has no inertia.
-    starts = [first.theta[list(payload.columns[:4])]]
-    whole = _fit_linear(problem, active, products, LinearisationPoint(), near)
-    free = whole.theta[list(payload.columns)]
-    inertia = float(free[[4, 6, 9]].sum())
-    least = payload.effect.lightest(problem.session.robot)
-    if inertia != 0 and free[1:4].any():
-        mass = float(free[1:4] @ free[1:4]) / inertia
-        starts.insert(0, np.array([max(mass, least), *free[1:4]]))
+    # Linearised about zero mass, a point mass has no inertia.
+    massless = LinearisationPoint(payload=LoadEstimate(payload, np.zeros(4)))
+    without_inertia = _fit_linear(problem, active, products, massless, near)
+    near = near.after(without_inertia, ())
+    starts = [without_inertia.theta[list(payload.columns[:4])]]
+    moments = starts[0][1:]
+    moment = max(float(np.linalg.norm(moments)), 1e-9)
+    free_inertia = _fit_linear(problem, active, products, LinearisationPoint(), near)
+    parameters = free_inertia.theta[list(payload.columns)]
+    trace = float(parameters[[4, 6, 9]].sum())
+    least_mass = payload.effect.lightest(problem.session.robot)
+    if trace != 0 and parameters[1:4].any():
+        mass = float(parameters[1:4] @ parameters[1:4]) / trace
+        starts.insert(0, np.array([max(mass, least_mass), *parameters[1:4]]))
     if near.payload is not None and near.payload[0] != 0:
         starts = [near.payload, starts[0]]
     else:
-        starts += [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
+        starts += [np.array([moment / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
         # The robot may lack a mass that the model has: negative masses at the same distances.
-        missing = (distance for distance in (0.03, 0.08, 0.2, 0.5) if far < -least * distance)
-        starts += [np.array([-far / distance, *moments]) for distance in missing]
-    reduced = reduced_load(problem, active, products, payload, whole.theta)
-    start = min((reduced.iterated(start) for start in starts), key=reduced.loss)
+        possible = (distance for distance in (0.03, 0.08, 0.2, 0.5) if moment < -least_mass * distance)
+        starts += [np.array([-moment / distance, *moments]) for distance in possible]
+    estimate = best_estimate(problem, active, products, payload, free_inertia.theta, starts)
     for _ in range(STEPS):
-        last = start
+        last = estimate
         found = _fit_linear(problem, active, products, LinearisationPoint(payload=LoadEstimate(payload, last)), near)
-        near, start = near.after(found, ()), found.theta[list(payload.columns[:4])]
-        if converged(start, last):
+        near, estimate = near.after(found, ()), found.theta[list(payload.columns[:4])]
+        if converged(estimate, last):
             break
-    return start
+    return estimate
 
 
 def _fit_linear(
@@ -343,27 +349,33 @@ def _fit_linear(
         near: Coefficients from which the search for active bounds starts.
         bodies: Bodies that must be physically possible.
     """
-    load, folded, kept, held_out = point.payload, None, active, products.held_out
-    square, line, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
+    load, payload_map, fitted, held_out = point.payload, None, active, products.held_out
+    gram, right_side, folds = products.a, products.b, None if held_out is None else (held_out.a, held_out.b)
     if load is not None:
-        # The ten columns of the payload are combined to four, of mass and first moments.
-        folded = _folded_at(problem, active, load)
-        kept, square, line = active[folded.keep], folded.reduced_gram(square), folded.reduced_right(line)
-        folds = None if folds is None else (folded.reduced_gram(folds[0]), folded.reduced_right(folds[1]))
-    precision, lower, upper, start = (x[kept] for x in (problem.precision, problem.lower, problem.upper, near.theta))
+        # The ten columns of the payload are combined to four: those of mass and first moments.
+        payload_map = _payload_map_at(problem, active, load)
+        fitted, gram, right_side = (
+            active[payload_map.kept_columns],
+            payload_map.reduced_gram(gram),
+            payload_map.reduced_right_side(right_side),
+        )
+        folds = (
+            None if folds is None else (payload_map.reduced_gram(folds[0]), payload_map.reduced_right_side(folds[1]))
+        )
+    precision, lower, upper, start = (x[fitted] for x in (problem.precision, problem.lower, problem.upper, near.theta))
     if load is not None:
-        mass = len(kept) - 4
+        mass = len(fitted) - 4
         lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
-    unconstrained = minimum_of(square, line, products.c, precision, (lower, upper), start, folds)
-    places = places_among(kept, bodies)
-    found = among_possible_bodies(unconstrained, square, line, precision, (lower, upper), folds, places)
+    unconstrained = minimum_of(gram, right_side, products.c, precision, (lower, upper), start, folds)
+    positions = positions_of_bodies(fitted, bodies)
+    found = with_possible_bodies(unconstrained, gram, right_side, precision, (lower, upper), folds, positions)
     theta = np.zeros(len(problem.precision))
-    theta[active] = found.x if folded is None else folded.unfolded(found.x)
+    theta[active] = found.x if payload_map is None else payload_map.expanded(found.x)
     nuisances = slice(0, problem.nuisance_count)
     penalty = float(theta[nuisances] ** 2 @ problem.precision[nuisances])
     loss, fold_x = np.zeros(0), np.zeros((0, len(active)))
     if held_out is not None:
-        fold_x = found.without if folded is None else folded.unfolded(found.without)
+        fold_x = found.without if payload_map is None else payload_map.expanded(found.without)
         fold = problem.grams.fold
         # Blocks of recordings that no fit uses (fold -1) are predicted by the fit to all other blocks.
         loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
@@ -371,7 +383,7 @@ def _fit_linear(
     return Fitted(problem, point, theta, active, penalty, found.objective, loss, fold_x, denied_gain)
 
 
-def _folded_at(problem: Problem, active: Int[Array, " k"], load: LoadEstimate) -> FoldedLoad:
+def _payload_map_at(problem: Problem, active: Int[Array, " k"], load: LoadEstimate) -> PayloadMap:
     """Map from the ten columns of a payload to four, linearised about the estimate ``load``."""
-    jacobian = load_map(problem.session.robot, load.term, load.start)
-    return FoldedLoad(np.searchsorted(active, load.term.columns), len(active), jacobian)
+    jacobian = load_jacobian(problem.session.robot, load.term, load.start)
+    return PayloadMap(np.searchsorted(active, load.term.columns), len(active), jacobian)

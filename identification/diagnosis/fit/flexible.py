@@ -1,8 +1,8 @@
 """Flexible predictor of residuals: ridge regression on random Fourier features of the joint's state.
 
 The state is position, velocity, direction, acceleration, modelled torque, displacement since the last reversal and
-time. The part of a residual that the predictor explains on held-out blocks is structure, whatever the cause. The rest
-counts as noise.
+time. The part of a residual that the predictor explains on held-out blocks is structure, whatever its cause. The
+remaining part counts as noise.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from identification.engine.products.blocks import Block
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.random_streams import random_stream
 
-_FEATURES = 120  # number of random waves: each depends on two or three of the inputs
+_WAVES = 120  # number of random waves: each depends on two or three of the inputs
 # Strengths of the ridge, in per cent of the sum of squares of one scaled feature: the first hardly shrinks any
 # coefficient, the last shrinks all but those of the strongest features.
 _RIDGES = (1e-4, 1e-2, 1.0)
@@ -35,12 +35,12 @@ def displacement_since_reversal(q: Float[Array, " N"], v: Float[Array, " N"]) ->
 def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Array, "n f"]:
     """A constant, the standardised state of one joint in one log, and random waves of the state, ``(n, f)``.
 
-    For a joint without a drive the modelled torque is not used: there it is the residual that is to be predicted.
+    For a joint without a drive the modelled torque is not used, because it is the negative residual.
 
     Args:
-        columns: Modelled torque of all logs.
-        log: The log.
-        index: Index of the log.
+        columns: Columns with the modelled torque of all logs.
+        log: One of the logs.
+        index: Its index.
         row: Index of the joint.
     """
     at = log.samples
@@ -61,14 +61,14 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
         ]
     )
     inputs = (inputs - inputs.mean(axis=0)) / (inputs.std(axis=0) + 1e-12)
-    # The same features on every call: a fixed seed makes a diagnosis repeatable.
+    # Every call uses the same random features, so that a diagnosis is repeatable.
     rng = random_stream("random features")
     # One half of the waves changes slowly with the inputs, the other half quickly.
-    widths = np.where(np.arange(_FEATURES) % 2 == 0, 0.4, 1.2)
+    widths = np.where(np.arange(_WAVES) % 2 == 0, 0.4, 1.2)
     # Each wave depends on two or three inputs, as friction, springs and load effects do.
-    direction = rng.normal(size=(inputs.shape[1], _FEATURES)) * widths
-    direction *= rng.random(direction.shape) < 2.5 / inputs.shape[1]
-    waves = np.cos(inputs @ direction + rng.uniform(0, 2 * np.pi, _FEATURES))
+    frequencies = rng.normal(size=(inputs.shape[1], _WAVES)) * widths
+    frequencies *= rng.random(frequencies.shape) < 2.5 / inputs.shape[1]
+    waves = np.cos(inputs @ frequencies + rng.uniform(0, 2 * np.pi, _WAVES))
     return np.column_stack([np.ones(len(at)), inputs, waves])
 
 
@@ -87,16 +87,16 @@ def ridge_predictions(
     Args:
         x: Features of each log.
         y: Series to predict, one for each log.
-        use: Which samples of each log are used.
+        use: True for the samples of each log that are used.
         blocks: Blocks of the logs.
         folds: Fold of each block; a block of fold -1 is predicted by the fit on all folds.
-        first: Numbers of leading features: for each, there are also predictions from these features alone.
+        first: Numbers of leading features; each of them gives additional predictions, from these features alone.
     """
     size = np.sqrt(sum((part[used] ** 2).sum(axis=0) for part, used in zip(x, use, strict=True)))
     total = max(sum(int(used.sum()) for used in use), 1)
     scale = np.where(size > 0, size / np.sqrt(total), 1.0)
     scaled = [part / scale for part in x]
-    seen = _training_data(scaled, y, use, blocks, folds)
+    training = _training_data(scaled, y, use, blocks, folds)
     ridges = [ridge * total * 1e-2 for ridge in _RIDGES]
     # Coefficients for each number of features and each ridge: of the fits without each fold, then of the fit to all.
     which = np.unique(folds)
@@ -105,8 +105,8 @@ def ridge_predictions(
         kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
         if not len(kept):  # no feature varies
             continue
-        solved = _by_samples if len(seen.y) < len(kept) else _by_features
-        fits[which[:, None], kept, k] = solved(seen, kept, ridges, which)
+        ridge_fits = _by_samples if len(training.y) < len(kept) else _by_features
+        fits[which[:, None], kept, k] = ridge_fits(training, kept, ridges, which)
     predicted = [np.zeros((len(series), fits[0, 0].size)) for series in y]
     squared, samples = np.zeros(fits[0, 0].size), 0
     for fold, block in zip(folds.tolist(), blocks, strict=True):
@@ -145,43 +145,43 @@ def _training_data(
     blocks: tuple[Block, ...],
     folds: Int[Array, " B"],
 ) -> _TrainingData:
-    """The used samples of all blocks that fits may see."""
+    """The used samples of all blocks that fits may use."""
     fold_of = [np.full(len(series), -1) for series in y]
     for fold, block in zip(folds.tolist(), blocks, strict=True):
         fold_of[block.log][block.start : block.stop] = fold
-    trained = [used & (fold >= 0) for used, fold in zip(use, fold_of, strict=True)]
+    in_folds = [used & (fold >= 0) for used, fold in zip(use, fold_of, strict=True)]
     features, values, fold = (
-        np.concatenate([part[used] for part, used in zip(parts, trained, strict=True)]) for parts in (x, y, fold_of)
+        np.concatenate([part[used] for part, used in zip(parts, in_folds, strict=True)]) for parts in (x, y, fold_of)
     )
     return _TrainingData(features, values, fold, int(folds.max(initial=-1)) + 1)
 
 
 def _by_features(
-    seen: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
+    training: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
 ) -> Float[Array, "G m R"]:
     """Coefficients of ridge fits that leave out one fold each (-1 leaves out none), from products of the features."""
-    gram, product = seen.products
+    gram, product = training.products
     gram, product = gram[:, kept[:, None], kept], product[:, kept]
-    whole, everything = gram.sum(axis=0), product.sum(axis=0)
+    total_gram, total_product = gram.sum(axis=0), product.sum(axis=0)
     out = np.empty((len(folds), len(kept), len(ridges)))
     for own, fold in zip(out, folds, strict=True):
-        a, b = (whole, everything) if fold < 0 else (whole - gram[fold], everything - product[fold])
+        a, b = (total_gram, total_product) if fold < 0 else (total_gram - gram[fold], total_product - product[fold])
         for k, ridge in enumerate(ridges):
             own[:, k] = _with_ridge(a, ridge, b)
     return out
 
 
 def _by_samples(
-    seen: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
+    training: _TrainingData, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
 ) -> Float[Array, "G m R"]:
-    """The coefficients of `_by_features` from products of samples: a smaller matrix for fewer samples than features."""
-    x = seen.x[:, kept]
+    """Coefficients as in `_by_features`, from products of samples: a smaller matrix if samples are fewer."""
+    x = training.x[:, kept]
     products = x @ x.T
     out = np.empty((len(folds), len(kept), len(ridges)))
     for own, fold in zip(out, folds, strict=True):
-        train = np.flatnonzero(seen.fold != fold)
+        used = np.flatnonzero(training.fold != fold)
         for k, ridge in enumerate(ridges):
-            own[:, k] = x[train].T @ _with_ridge(products[np.ix_(train, train)], ridge, seen.y[train])
+            own[:, k] = x[used].T @ _with_ridge(products[np.ix_(used, used)], ridge, training.y[used])
     return out
 
 

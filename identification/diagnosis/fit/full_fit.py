@@ -39,27 +39,27 @@ from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.random_streams import random_stream
 
-# A parameter counts as unobservable if its information (inverse variance), in its own units, is below this.
-_NO_TRACE = 1e-200
+# A parameter is unobservable if its information (inverse variance), in its own units, is below this.
+_LEAST_INFORMATION = 1e-200
 # Largest number of steps of a fit.
 _STEPS = 4
 # Columns that depend on the model are computed again if a tolerance parameter changes by more sigmas than this.
-_SAME_MODEL = 0.3
+_SAME_MODEL_CHANGE = 0.3
 # Decrease of the loss [squared standard deviations] below which no further step is taken.
 _LEAST_GAIN = 0.02
-# Number of models that are drawn for the covariance by columns that depend on the uncertain model.
-_DRAWS = 4
-# Number of parameter vectors drawn to find those within the tolerances, and least number within. With that many, a
-# standard deviation is accurate to a tenth; with fewer, the bounds do not reduce the covariance.
-_TRUNCATED, _LEAST_INSIDE = 2000, 100
-# Effect of a rotor that the model lacks; standard deviation of its inertia as a share of the inertia that the joint
-# carries; number of postures over which the carried inertia is averaged.
-_ROTOR, _UNSTATED, _POSTURES = "rotor_inertia", 0.5, 20
-# Standard deviation of the radius of gyration of a load [m], for weights and tools of some kilograms; positions of the
+# Number of models that are drawn for the covariance from columns that depend on the uncertain model.
+_MODEL_DRAWS = 4
+# Number of parameter vectors that are drawn, and least number of them within the tolerances. With that many, a standard
+# deviation is accurate to a tenth; with fewer, the covariance is not restricted to the tolerances.
+_TOLERANCE_DRAWS, _LEAST_INSIDE = 2000, 100
+# Name of the effect of a rotor's inertia; standard deviation of the inertia of a rotor that the model does not state,
+# as a share of the inertia that the joint carries; number of postures over which the carried inertia is averaged.
+_ROTOR_EFFECT, _ROTOR_SHARE, _POSTURES = "rotor_inertia", 0.5, 20
+# Standard deviation of the radius of gyration of a load [m], for weights and tools of some kilograms; indices of the
 # three moments of inertia among the ten parameters of a body.
-_GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
+_RADIUS_OF_GYRATION, _MOMENTS_OF_INERTIA = 0.04, [4, 6, 9]
 # Bounds of a tolerance parameter restrict the draws only if its correlation with another parameter is larger than this.
-_EXCHANGED = 0.1
+_CORRELATED = 0.1
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class FullFit:
         term_slices: Slices of each term's parameters in the vector.
         x: All parameters.
         cov: Their covariance.
-        prior: Prior variance of each parameter; recordings that do not show a parameter hardly reduce it.
-        law_covariances: For each term the covariance due to other laws that the effect may follow.
+        prior: Prior variance of each parameter.
+        law_covariances: For each term, the part of ``cov`` from other laws that the effect may follow.
     """
 
     term_slices: tuple[TermSlices, ...]
@@ -87,8 +87,8 @@ class FullFit:
     def presence_covariance(self, term: Term) -> Float[Array, "k k"]:
         """Covariance of the coefficients and the shape of one term, for the test whether the effect is present.
 
-        Which of its own laws the effect follows does not matter for this test, so that uncertainty is left out. The
-        uncertainty of the laws of other effects is included.
+        For this test it does not matter which of its laws the effect follows, so this uncertainty is left out. That of
+        the laws of other effects is included.
         """
         slices = self.slices_of(term)
         own = np.ix_(slices.indices, slices.indices)
@@ -113,11 +113,11 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     start = x[nuisances]
     layout = layout.adjusted(start) if layout.depends_on_model else layout
     x, model, (a, b, _) = _gauss_newton(layout, x, precision, lower, upper)
-    if layout.depends_on_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL**2):
+    if layout.depends_on_model and np.any(precision[nuisances] * (x[nuisances] - start) ** 2 > _SAME_MODEL_CHANGE**2):
         layout = layout.adjusted(x[nuisances])
         x, model, (a, b, _) = _gauss_newton(layout, x, precision, lower, upper)
     # Unobservable parameters keep their values: for example, an inertia of a link that never turns about that axis.
-    precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
+    precision = np.where(np.einsum("bkk->k", a) + precision < _LEAST_INFORMATION, 1.0, precision)
     total, free = a.sum(axis=0) + np.diag(precision), free_parameters(b, precision, x, (lower, upper))
     linear, repeated = equations(layout, model), np.zeros(len(x))
     repeated[free] = repeated_variance(
@@ -127,7 +127,7 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     if layout.depends_on_model:
         cov = cov + _model_covariance(layout, model, x, cov, total)
     cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)
-    # A term may follow another law. The shift of all parameters by that law is taken as a standard deviation.
+    # A term may follow another law. The shift of all parameters under that law is taken as a standard deviation.
     by_law: list[Array] = []
     limits = (precision, lower, upper)
     for slices in layout.term_slices:
@@ -136,10 +136,10 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
         shifts = (_share_shift(slices, x), *by_other_laws)
         by_law.append(sum((np.outer(shift, shift) for shift in shifts), np.zeros_like(cov)))
         if effect.inertial == "point mass":
-            # Extent and missing rotors add to the uncertainty of the load itself only.
+            # The extent of the load and missing rotors add to the uncertainty of the load alone.
             shift = load_extent_shift(layout, model, x, slices, total)
             by_law[-1][at, at] += (np.outer(shift, shift) + rotor_covariance(layout, model, total))[at, at]
-    prior = 1.0 / np.maximum(precision, _NO_TRACE)
+    prior = 1.0 / np.maximum(precision, _LEAST_INFORMATION)
     return FullFit(layout.term_slices, x, cov + sum(by_law), prior, tuple(by_law))
 
 
@@ -150,7 +150,7 @@ def within_tolerances(
     lower: Float[Array, " p"],
     upper: Float[Array, " p"],
 ) -> Float[Array, "p p"]:
-    """Covariance of all parameters, restricted to values at which every tolerance parameter stays within its bounds.
+    """Covariance of all parameters if every tolerance parameter is within its bounds.
 
     Parameters are drawn from the given covariance, and draws outside the bounds are discarded. So near a bound of a
     tolerance parameter the standard deviations of all parameters that correlate with it become smaller. The tolerance
@@ -167,27 +167,27 @@ def within_tolerances(
     rng = random_stream("sizes within the tolerances")
     # In standard deviations, as the parameters have different units.
     correlation = cov / np.outer(std, std)
-    exchanged = np.flatnonzero(
-        np.abs(correlation[:nuisance_count, nuisance_count:]).max(axis=1, initial=0.0) > _EXCHANGED
+    correlated = np.flatnonzero(
+        np.abs(correlation[:nuisance_count, nuisance_count:]).max(axis=1, initial=0.0) > _CORRELATED
     )
     values, vectors = np.linalg.eigh(correlation)
     # The symmetric root is unique: with another root the draws would depend on the rounding of the matrix.
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    drawn = rng.standard_normal((_TRUNCATED, len(x))) @ root
-    low, high = ((end - x)[exchanged] / std[exchanged] for end in (lower, upper))
-    inside = ((drawn[:, exchanged] >= low) & (drawn[:, exchanged] <= high)).all(axis=1)
+    drawn = rng.standard_normal((_TOLERANCE_DRAWS, len(x))) @ root
+    low, high = ((end - x)[correlated] / std[correlated] for end in (lower, upper))
+    inside = ((drawn[:, correlated] >= low) & (drawn[:, correlated] <= high)).all(axis=1)
     if inside.sum() < _LEAST_INSIDE:
         return cov
-    less = np.minimum(drawn[inside].std(axis=0) / np.maximum(drawn.std(axis=0), 1e-300), 1.0)
-    less[:nuisance_count] = 1.0
-    return cov * np.outer(less, less)
+    factor = np.minimum(drawn[inside].std(axis=0) / np.maximum(drawn.std(axis=0), 1e-300), 1.0)
+    factor[:nuisance_count] = 1.0
+    return cov * np.outer(factor, factor)
 
 
 def _share_shift(slices: TermSlices, x: Float[Array, " p"]) -> Float[Array, " p"]:
-    """First-order error of a shape, from the difference of its coefficient from one.
+    """Shift of all parameters by the first-order error of a term's shape: its coefficient should be one, but is not.
 
-    Some effects, such as a backlash gap or a limit, have no size but their shape: their coefficient should be one. If
-    another coefficient fits, the shape is wrong by about the same share.
+    Some effects, such as a backlash gap or a limit, have no size but their shape. If a coefficient other than one fits
+    best, the shape is wrong by about the same share. For all other effects the shift is zero.
     """
     shift = np.zeros(len(x))
     if slices.term.effect.seen_by != "coefficient":
@@ -200,12 +200,12 @@ def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array,
 
     Models often lack rotors, whose inertia behind a gear is as large as that of the links. Parameters of a load that
     are identified by its inertia alone, such as the mass of a pendulum of known first moment, are then uncertain.
-    Rotors that the model states are left out, because they have a tolerance. Rotors among the effects are left out,
-    because they are fitted. If recordings are compared with each other, stated rotors are included: a different delay
-    of the torque in one recording looks like an inertia.
+    Rotors that the model states are left out, because their inertia has a tolerance. Rotors that are an effect in this
+    fit are left out, because their inertia is fitted. If recordings are compared with each other, stated rotors are
+    included: a different delay of the torque in one recording looks like an inertia.
     """
     robot = layout.problem.session.robot
-    fitted = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR}
+    fitted = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR_EFFECT}
     of_difference = any(isinstance(slices.term.effect, OwnEffect) for slices in layout.term_slices)
     without_rotors = total.copy()
     for row, joint in enumerate(robot.joint_names):
@@ -214,9 +214,9 @@ def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array,
         column = []
         for log, operation in enumerate(layout.operations):
             postures = operation.q[:: max(len(operation.q) // _POSTURES, 1)]
-            carried = float(np.mean(mass_matrix(robot, postures)[:, row, row]))
+            carried_inertia = float(np.mean(mass_matrix(robot, postures)[:, row, row]))
             torque = np.zeros_like(operation.a)
-            torque[:, row] = _UNSTATED * carried * operation.a[:, row]
+            torque[:, row] = _ROTOR_SHARE * carried_inertia * operation.a[:, row]
             column.append(in_band(layout, log, torque))
         # The column of the rotor, with a prior deviation of one, is eliminated.
         _, across, own = weighted_products(layout, model, tuple(column))
@@ -228,11 +228,11 @@ def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array,
 def load_extent_shift(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], slices: TermSlices, total: Float[Array, "p p"]
 ) -> Float[Array, " p"]:
-    """Shift of all parameters if a load is no point mass but has an inertia about its own centre, like real loads."""
+    """Shift of all parameters if a load is not a point mass, but has an inertia about its own centre."""
     mass = float(x[slices.coefficients][0])
     columns = tuple(np.array(slices.term.columns)[_MOMENTS_OF_INERTIA].tolist())
     additional = tuple(
-        mass * _GYRATION**2 * columns_of(layout.problem, columns, log).sum(axis=2)
+        mass * _RADIUS_OF_GYRATION**2 * columns_of(layout.problem, columns, log).sum(axis=2)
         for log in range(len(layout.operations))
     )
     return solve(total, weighted_products(layout, model, additional)[1].sum(axis=0))
@@ -255,7 +255,7 @@ def _gauss_newton(
         step = bounded_solve(total, gradient, lower - x, upper - x)
         if not all(body.is_possible((x + step)[at]) for body, at in bodies):
             # Unobservable parameters would make the matrix singular.
-            regular = total + np.diag(np.where(np.diag(total) < _NO_TRACE, 1.0, 0.0))
+            regular = total + np.diag(np.where(np.diag(total) < _LEAST_INFORMATION, 1.0, 0.0))
             best, _ = possible_minimum(regular, gradient + regular @ x, (lower, upper), x + step, bodies)
             step = best - x
         if 2 * gradient @ step - step @ total @ step < _LEAST_GAIN:
@@ -289,18 +289,18 @@ def _bodies(layout: ModelLayout) -> list[tuple[Body, Int[Array, " 10"]]]:
 def _model_covariance(
     layout: ModelLayout, model: Linearised, x: Float[Array, " p"], cov: Float[Array, "p p"], total: Float[Array, "p p"]
 ) -> Float[Array, "p p"]:
-    """Covariance of all parameters due to columns that are computed from an uncertain model.
+    """Covariance of all parameters from columns that depend on the uncertain model.
 
-    A few models are drawn from the covariance of the tolerance parameters, and the columns are computed from each.
+    A few models are drawn from the covariance of the tolerance parameters, and the columns are computed for each.
     """
     count = layout.problem.nuisance_count
     rng = random_stream("models within the tolerances")
     shifts = []
-    for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
+    for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _MODEL_DRAWS, method="eigh"):
         adjusted = layout.adjusted(x[:count] + draw)
         _, b, _ = weighted_products(layout, model, torque_change(layout, adjusted, x))
         shifts.append(solve(total, b.sum(axis=0)))
-    return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _DRAWS
+    return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _MODEL_DRAWS
 
 
 def _priors_and_bounds(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:

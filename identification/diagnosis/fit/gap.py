@@ -1,9 +1,9 @@
 """Residuals of corrected models, their loss, and the gap of each joint.
 
-A corrected model is the given model with the effects of a fit and the changes within its tolerances. Its loss is the
-mean over joints of squared residual over squared noise floor. The gap of a row (one joint's torque) is the weighted sum
-of squared residuals minus the sum that noise alone would give. Residuals are compared in the judged band, the lower
-part of the frequency band of the fits.
+A corrected model is the given model with the effects of a fit and its changes within tolerances. Its loss is the mean
+over joints of squared residual over squared noise floor. The gap of a row (one joint's torque) is the weighted sum of
+squared residuals minus the sum that noise alone would give. Residuals are compared in the judged band, the lower part
+of the frequency band of the fits.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ class ResidualSums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
     The core of a block is the part whose filtered noise is independent of the block before. Blocks without samples are
-    left out, as a bootstrap replicate of such blocks alone would be empty. Samples at standstill get a low weight, as
-    static friction is hardly known there.
+    left out, because a bootstrap replicate of such blocks alone would be empty. Samples at standstill have a low
+    weight, because static friction is hardly known there.
 
     Attributes:
-        squares: Summed squared residuals, ``(B, nv)``.
-        counts: Numbers of samples, ``(B, nv)``.
+        squares: Weighted sums of squared residuals [(N m)^2 or N^2], ``(B, nv)``.
+        counts: Weighted numbers of samples, ``(B, nv)``.
     """
 
     squares: Float[Array, "B nv"]
     counts: Float[Array, "B nv"]
 
     def rms(self) -> Float[Array, " nv"]:
-        """Root mean square residual of each joint."""
+        """Root mean square residual of each joint [N m or N]."""
         return np.sqrt(self.squares.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1))
 
     def loss(self, floor: Float[Array, " nv"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
         """Mean over joints of squared residual over squared noise floor, with each block counted ``weights`` times.
 
         Args:
-            floor: Noise floor of each joint.
-            weights: How often each block counts, one row for each loss.
+            floor: Noise floor of each joint [N m or N].
+            weights: Number of times that each block counts; one row for each loss.
 
         Returns:
             One loss per row of ``weights``.
@@ -86,13 +86,13 @@ def residual_sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) 
     weights = [sample_weights(problem, *part) for part in parts]
     counts = np.array([use.sum(axis=0) for use in weights])
     squares = [(residual[log][part] ** 2 * use).sum(axis=0) for (log, part), use in zip(parts, weights, strict=True)]
-    # If all blocks are empty, all are kept.
+    # If all blocks are empty, none is left out.
     filled = counts.any(axis=1) | ~counts.any()
     return ResidualSums(np.array(squares)[filled], counts[filled])
 
 
 def sample_weights(problem: Problem, log: int, part: slice = slice(None)) -> Float[Array, "n nv"]:
-    """Weight of each sample of a part of one log, lower where static friction of unknown size holds a joint."""
+    """Weight of each sample of a part of one log; lower at standstill, where static friction has an unknown size."""
     columns = problem.columns
     return columns.usable[log][part] * noise_share(problem.weights.floor**2, columns.standstill_std[log][part] ** 2)
 
@@ -103,7 +103,7 @@ def least_noise(columns: Columns) -> Float[Array, " nv"]:
 
 
 def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured minus predicted torque of every log."""
+    """Measured minus predicted torque of every log [N m or N]."""
     columns = problem.columns
     return tuple(
         residual + model - predicted
@@ -112,43 +112,44 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
 
 
 def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the judged band, with which gaps are compared.
+    """Torque of every log in the judged band with which gaps are compared: the measured one if the joint has a drive.
 
-    For a joint without a drive it is the torque that accelerates the joint's own inertia (`moved_by`).
+    For a joint without a drive it is the torque that accelerates the joint's own inertia (`comparison_torque`).
     """
-    return problem.session.in_judged_band(measured_in_band(problem))
+    return problem.session.in_judged_band(measured_in_fit_band(problem))
 
 
-def measured_in_band(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
-    """Measured torque of every log in the wider band of the fits; for a joint without a drive, that of `moved_by`."""
+def measured_in_fit_band(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
+    """Torque of every log as in `measured_torque`, but in the wider band of the fits."""
     columns = problem.columns
-    torque = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
-    return moved_by(problem, torque)
+    torque = tuple(model + residual for model, residual in zip(columns.model_torque, columns.residual, strict=True))
+    return comparison_torque(problem, torque)
 
 
-def moved_by(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
-    """The given torque of each joint with a drive; of a joint without one, the torque that accelerates its own inertia.
+def comparison_torque(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
+    """Torque with which the residual of each joint is compared, for each log [N m or N], ``(n, nv)``.
 
-    A joint without a drive is moved by gravity and the other links. Its measured torque is zero, and its residual is
-    the negative of its modelled torque. So neither torque shows whether the residual is small.
+    For a joint with a drive, it is the given torque. A joint without a drive is moved by gravity and the other links:
+    its measured torque is zero, and its residual is the negative of its modelled torque, so neither shows whether the
+    residual is small. For such a joint, it is the torque that accelerates the joint's own inertia.
 
     Args:
         problem: Robot and recordings.
-        torque: Measured or modelled torque of every log in the band.
+        torque: Measured or modelled torque of every log in the band of the fits [N m or N].
     """
     session, out = problem.session, tuple(np.array(own) for own in torque)
     for row, actuator in enumerate(session.robot.actuators):
         if not actuator.actuated:
             for log, own in zip(session.logs, out, strict=True):
-                own[:, row] = log.band(_own_inertia(session.robot, log.motion, row))
+                own[:, row] = log.band(_inertia_torque(session.robot, log.motion, row))
     return out
 
 
-def _own_inertia(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:
-    """Torque that accelerates a joint if the other joints are held [N m or N]."""
-    still, alone = np.zeros_like(motion.v), np.zeros_like(motion.a)
-    alone[:, row] = motion.a[:, row]
-    accelerated, at_rest = (inverse_dynamics(robot, motion.with_joints(motion.q, still, a)) for a in (alone, still))
+def _inertia_torque(robot: Robot, motion: Motion, row: int) -> Float[Array, " N"]:
+    """Torque that accelerates a joint if the other joints do not move [N m or N]."""
+    zero, a = np.zeros_like(motion.v), np.zeros_like(motion.a)
+    a[:, row] = motion.a[:, row]
+    accelerated, at_rest = (inverse_dynamics(robot, motion.with_joints(motion.q, zero, each)) for each in (a, zero))
     return accelerated[:, row] - at_rest[:, row]
 
 
@@ -159,27 +160,27 @@ def row_counts(problem: Problem) -> Float[Array, " nv"]:
 
 @dataclass(frozen=True)
 class RowGaps:
-    """Gap of each row: squared residuals over squared noise, summed over samples, minus the sum by noise alone.
+    """Gap of each row: squared residuals over squared noise, summed over samples, minus the sum from noise alone.
 
     An effect is claimed only if it explains a share of the gap.
 
     Attributes:
-        gap: Gap of the given model, fitted within its tolerances, ``(nv,)``.
-        accuracy: Gap that the method's own inaccuracy may cause, ``(nv,)``.
+        gap: Gap of the given model after a fit of its tolerance parameters, ``(nv,)``.
+        accuracy: Gap that errors of the method may cause, ``(nv,)``.
     """
 
     gap: Float[Array, " nv"]
     accuracy: Float[Array, " nv"]
 
 
-def row_gaps(problem: Problem, within: Fitted) -> RowGaps:
-    """Gaps of each row for the fits of one problem, with its own weights and in its own band.
+def row_gaps(problem: Problem, tolerance_fit: Fitted) -> RowGaps:
+    """Gaps of each row, with the weights and in the band of a fitting problem.
 
     Args:
-        problem: Columns and fits.
-        within: Fit of the tolerance parameters alone.
+        problem: Columns and their products.
+        tolerance_fit: Fit of the tolerance parameters alone.
     """
     # Squared residuals of the given model before any fit; those after the fit of its tolerances are `row_losses`.
     of_given_model = np.array([row.core_c.sum() for row in problem.grams.rows])
-    given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (of_given_model, within.row_losses))
+    given, gap = (np.maximum(loss - row_counts(problem), 0.0) for loss in (of_given_model, tolerance_fit.row_losses))
     return RowGaps(gap, fair_part.ACCURACY * given)

@@ -35,7 +35,7 @@ def other_law_shift(
     law: OtherLaw,
     limits: tuple[Float[Array, " p"], Float[Array, " p"], Float[Array, " p"]],
 ) -> Float[Array, " p"]:
-    """Shift of all parameters if one term follows another law, by Gauss-Newton steps with the Jacobian of that law.
+    """Shift of all parameters if one term follows another law, from Gauss-Newton steps with that law's Jacobian.
 
     Each shape parameter stays within a factor of two of its value under the term's own law, because it has the same
     meaning in both laws. All other terms keep their first-order expansion.
@@ -46,7 +46,7 @@ def other_law_shift(
         x: The fitted parameters.
         slices: The term whose law is replaced.
         law: The other law.
-        limits: Precision of the priors, lower and upper bounds of all parameters.
+        limits: Prior precision, lower bound and upper bound of each parameter, ``(p,)`` each.
     """
     precision, lower, upper = limits[0], limits[1].copy(), limits[2].copy()
     lower[slices.shape], upper[slices.shape] = np.sort([0.5 * x[slices.shape], 2.0 * x[slices.shape]], axis=0)
@@ -74,5 +74,5 @@ def other_law_shift(
 def _by_other_law(
     layout: ModelLayout, joint: str | None, law: OtherLaw, log: int, own: Float[Array, " k"], shape: Float[Array, " m"]
 ) -> Float[Array, "n nv"]:
-    """Torque of a term by another law with the same parameters, in the judged band."""
+    """Torque of a term that follows another law with the same parameters, in the judged band."""
     return in_band(layout, log, law(layout.operations[log], joint, own, shape))

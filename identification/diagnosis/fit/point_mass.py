@@ -7,9 +7,8 @@ repeated.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -25,7 +24,7 @@ STEPS = 8
 # Relative change of the estimate below which it has converged.
 _CONVERGED = 3e-3
 # Derivative of ``h.h 1 - h h^T``, with entries xx, xy, yy, xz, yz, zz, with respect to ``h``, per component of ``h``.
-_INERTIA = np.array(
+_INERTIA_SLOPES = np.array(
     [
         [[0, 0, 0], [0, 2, 0], [0, 0, 2]],
         [[0, -1, 0], [-1, 0, 0], [0, 0, 0]],
@@ -45,54 +44,18 @@ def converged(estimate: Float[Array, " 4"], last: Float[Array, " 4"]) -> bool:
     return bool(np.abs(estimate - last).max() <= _CONVERGED * np.abs(last).max())
 
 
-@dataclass(frozen=True)
-class ReducedLoad:
-    """Fit of one payload with the coefficients of all other columns eliminated.
+def best_estimate(
+    problem: Problem,
+    active: Int[Array, " k"],
+    products: Products,
+    payload: Term,
+    theta: Float[Array, " K"],
+    starts: list[Float[Array, " 4"]],
+) -> Float[Array, " 4"]:
+    """Mass and first moments with the least loss among those to which the iteration converges from several starts.
 
-    Other coefficients at a bound are held there; the rest have their best values for each mass and first moments.
-
-    Attributes:
-        a, b: After this elimination, products of the ten columns of the payload with each other, ``(10, 10)``, and with
-            the residual, ``(10,)``.
-        prior: Prior precision of mass and first moments, ``(4,)``.
-        map: Gives the derivative of the ten inertial parameters at a mass and first moments (`load_map`).
-        least: Smallest mass [kg]; negative if the robot may lack a part that the model has.
-    """
-
-    a: Float[Array, "10 10"]
-    b: Float[Array, " 10"]
-    prior: Float[Array, " 4"]
-    map: Callable[[Float[Array, " 4"]], Float[Array, "10 4"]]
-    least: float
-
-    def iterated(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
-        """Mass and first moments to which the iteration converges from a start."""
-        estimate = start
-        for _ in range(STEPS):
-            last = estimate
-            jacobian = self.map(last)
-            a = jacobian.T @ self.a @ jacobian + np.diag(self.prior)
-            b = jacobian.T @ self.b
-            estimate = solve(a, b)
-            low, high = mass_bounds(last[0], self.least)
-            if not low <= estimate[0] <= high:
-                # The mass is held at its bound, and the first moments are solved for.
-                mass = float(np.clip(estimate[0], low, high))
-                estimate = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
-            if converged(estimate, last):
-                break
-        return estimate
-
-    def loss(self, x: Float[Array, " 4"]) -> float:
-        """Loss of a point mass with its exact inertia, up to a constant."""
-        theta = self.map(x) @ x
-        return float(theta @ self.a @ theta - 2.0 * self.b @ theta + self.prior @ x**2)
-
-
-def reduced_load(
-    problem: Problem, active: Int[Array, " k"], products: Products, payload: Term, theta: Float[Array, " K"]
-) -> ReducedLoad:
-    """The fit of a payload with all other columns of a fit eliminated.
+    The coefficients of all other columns are eliminated: those at a bound keep this value, and all others have their
+    best values for each mass and first moments.
 
     Args:
         problem: Priors and bounds.
@@ -100,36 +63,59 @@ def reduced_load(
         products: Products of these columns.
         payload: The term of the payload.
         theta: All coefficients of a fit with free inertia; it shows which of them are at a bound.
+        starts: Estimates of mass [kg] and first moments [kg m], ``(4,)`` each.
     """
+    robot = problem.session.robot
     at = np.searchsorted(active, payload.columns)
     others = np.setdiff1d(np.arange(len(active)), at)
     x = theta[active]
-    # Coefficients at a bound are held, all others are free.
     inside = (x[others] > problem.lower[active[others]]) & (x[others] < problem.upper[active[others]])
-    free, held = others[inside], others[~inside]
-    b = products.b - products.a[:, held] @ x[held]
+    free, fixed = others[inside], others[~inside]
+    right_side = products.b - products.a[:, fixed] @ x[fixed]
     inner = products.a[np.ix_(free, free)] + np.diag(problem.precision[active[free]])
     cross = products.a[np.ix_(free, at)]
-    solution = solve(inner, np.column_stack([cross, b[free]]))
-    return ReducedLoad(
-        a=products.a[np.ix_(at, at)] - cross.T @ solution[:, :-1],
-        b=b[at] - cross.T @ solution[:, -1],
-        prior=problem.precision[active[at[:4]]],
-        map=partial(load_map, problem.session.robot, payload),
-        least=payload.effect.lightest(problem.session.robot),
-    )
+    solution = solve(inner, np.column_stack([cross, right_side[free]]))
+    # Products of the ten columns of the payload with each other and with the residual, after this elimination.
+    ten_gram = products.a[np.ix_(at, at)] - cross.T @ solution[:, :-1]
+    ten_right_side = right_side[at] - cross.T @ solution[:, -1]
+    prior, least_mass = problem.precision[active[at[:4]]], payload.effect.lightest(robot)
+
+    def iterated(start: Float[Array, " 4"]) -> Float[Array, " 4"]:
+        """Mass and first moments to which the iteration converges from a start."""
+        estimate = start
+        for _ in range(STEPS):
+            last = estimate
+            jacobian = load_jacobian(robot, payload, last)
+            a = jacobian.T @ ten_gram @ jacobian + np.diag(prior)
+            b = jacobian.T @ ten_right_side
+            estimate = solve(a, b)
+            low, high = mass_bounds(last[0], least_mass)
+            if not low <= estimate[0] <= high:
+                # The mass is fixed at its bound, and the first moments are solved for.
+                mass = float(np.clip(estimate[0], low, high))
+                estimate = np.array([mass, *solve(a[1:, 1:], b[1:] - a[1:, 0] * mass)])
+            if converged(estimate, last):
+                break
+        return estimate
+
+    def loss(estimate: Float[Array, " 4"]) -> float:
+        """Loss of a point mass with its exact inertia, up to a constant."""
+        ten = load_jacobian(robot, payload, estimate) @ estimate
+        return float(ten @ ten_gram @ ten - 2.0 * ten_right_side @ ten + prior @ estimate**2)
+
+    return min((iterated(start) for start in starts), key=loss)
 
 
 @dataclass(frozen=True)
-class FoldedLoad:
-    """Map between all coefficients of a fit and fewer ones, in which mass and first moments replace a payload's ten.
+class PayloadMap:
+    """Map between all coefficients of a fit and the reduced ones: mass and first moments replace a payload's ten.
 
     Mass and first moments come last among the reduced coefficients.
 
     Attributes:
         at: Indices of the ten columns of the payload, ``(10,)``.
         count: Number of columns.
-        jacobian: Derivative of the ten inertial parameters with respect to mass and first moments (`load_map`).
+        jacobian: Derivative of the ten inertial parameters with respect to mass and first moments (`load_jacobian`).
     """
 
     at: Int[Array, " 10"]
@@ -142,14 +128,14 @@ class FoldedLoad:
         return np.setdiff1d(np.arange(self.count), self.at)
 
     @property
-    def keep(self) -> Int[Array, " n"]:
+    def kept_columns(self) -> Int[Array, " n"]:
         """Indices of the columns whose priors and bounds the reduced coefficients have."""
         return np.concatenate([self.others, self.at[:4]])
 
     @property
-    def expand(self) -> Float[Array, "k n"]:
+    def jacobian_of_all(self) -> Float[Array, "k n"]:
         """Derivative of the coefficients of all columns with respect to the reduced ones."""
-        return self.unfolded(np.eye(len(self.others) + 4)).T
+        return self.expanded(np.eye(len(self.others) + 4)).T
 
     def reduced_gram(self, a: Float[Array, "*F k k"]) -> Float[Array, "*F n n"]:
         """Products of the reduced columns with each other."""
@@ -162,11 +148,11 @@ class FoldedLoad:
         out[..., n:, n:] = self.jacobian.T @ a[..., self.at[:, None], self.at] @ self.jacobian
         return out
 
-    def reduced_right(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
+    def reduced_right_side(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
         """Products of the reduced columns with the residual."""
         return np.concatenate([b[..., self.others], b[..., self.at] @ self.jacobian], axis=-1)
 
-    def unfolded(self, x: Float[Array, "*F n"]) -> Float[Array, "*F k"]:
+    def expanded(self, x: Float[Array, "*F n"]) -> Float[Array, "*F k"]:
         """Coefficients of all columns from the reduced ones."""
         out = np.empty((*x.shape[:-1], self.count))
         out[..., self.others] = x[..., :-4]
@@ -174,27 +160,27 @@ class FoldedLoad:
         return out
 
 
-def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
-    """Derivative of a payload's ten inertial parameters with respect to mass and first moments (`point_mass_map`).
+def load_jacobian(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
+    """Derivative of a payload's ten inertial parameters with respect to mass and first moments (`point_mass_jacobian`).
 
     A negative mass is a part that the robot lacks. Its inertia then includes that of this part about its own centre.
     """
-    return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
+    return point_mass_jacobian(start, term.effect.own_inertia(robot, float(start[0])))
 
 
-def mass_bounds(start: float, least: float) -> tuple[float, float]:
+def mass_bounds(start: float, least_mass: float) -> tuple[float, float]:
     """Bounds of the mass [kg] in a fit linearised about the mass ``start``.
 
     They are half and double of that mass. The inertia is proportional to the inverse of the mass, so its linearisation
-    does not hold farther away. If the start is zero, no inertia was linearised, and ``least`` is the only bound.
+    does not hold farther away. If the start is zero, no inertia was linearised, and ``least_mass`` is the only bound.
     """
     if abs(start) <= _NO_MASS:
-        return least, np.inf
+        return least_mass, np.inf
     low, high = sorted((0.5 * start, 2.0 * start))
-    return max(low, least), max(high, least)
+    return max(low, least_mass), max(high, least_mass)
 
 
-def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[Array, "10 4"]:
+def point_mass_jacobian(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[Array, "10 4"]:
     """Derivative of the ten inertial parameters of a point mass with respect to mass and first moments ``(m, h)``.
 
     The inertia is ``(h.h 1 - h h^T) / m``, negative for a missing mass. It is homogeneous of degree one in ``(m, h)``,
@@ -202,15 +188,15 @@ def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"]) -> Float[
     inertia is left out.
 
     Args:
-        start: Mass and first moments.
-        own: Inertia per mass about the centre of mass, as xx, xy, yy, xz, yz, zz; zero for a point.
+        start: Mass [kg] and first moments [kg m].
+        own: Inertia per mass about the centre of mass [m^2], as xx, xy, yy, xz, yz, zz; zero for a point.
     """
     jacobian = np.zeros((10, 4))
     jacobian[:4] = np.eye(4)
     m, h = start[0], start[1:]
     if abs(m) <= _NO_MASS:
         return jacobian
-    by_moment = _INERTIA @ h / m
+    by_moment = _INERTIA_SLOPES @ h / m
     jacobian[4:, 1:] = by_moment
     jacobian[4:, 0] = own - 0.5 * (by_moment @ h) / m
     return jacobian

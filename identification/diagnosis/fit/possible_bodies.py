@@ -27,20 +27,20 @@ from identification.estimators.consistent.consistent_bodies import ReferenceBody
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.model.robot import Robot
 
-# A body counts as possible if no eigenvalue is below zero by more than this share of the body's size, because numbers
-# in files are rounded.
-_ROUNDING = 1e-6
+# A body is possible if no eigenvalue is below zero by more than this share of the body's size, because numbers in files
+# are rounded.
+_ROUNDING_SHARE = 1e-6
 # Penalty in squared standard deviations on a change as large as the given body. It determines the combinations of
 # parameters that the data do not determine.
-_PRIOR = 1e-4
+_CHANGE_PENALTY = 1e-4
 # Factor by which the box around a link is enlarged, and its smallest side as a share of the largest.
-_WIDER, _THINNEST = 1.5, 0.5
+_BOX_FACTOR, _THINNEST_SIDE = 1.5, 0.5
 # Reach of a link if the model has no lengths at all [m].
-_SOME_LENGTH = 0.3
+_DEFAULT_REACH = 0.3
 # An active bound is released if the squared slope over the curvature is above this, in squared standard deviations.
 _LEAST_GAIN = 1e-6
 # Largest number of changes of the set of active constraints; two or three are enough nearly always.
-_CHANGES = 12
+_MOST_ROUNDS = 12
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Body:
     Attributes:
         name: Name of the joint that moves the body.
         columns: Columns of the changes of its parameters in a fit.
-        given: The body of the model, or the nearest possible one if that is impossible.
+        given: The body of the model, or the nearest possible body if the model's is impossible.
         reach: Rows of ``reach @ parameters >= 0``, which holds if the centre of mass is within reach.
     """
 
@@ -61,23 +61,23 @@ class Body:
 
     @cached_property
     def scaled(self) -> tuple[Float[Array, " 10"], Float[Array, "F 10"]]:
-        """Given body and rows of its reach, in the units of ``given.scale``; the largest entry of each row is one."""
+        """Given body and rows of its reach in the units of ``given.scale``, with a largest entry of one in each row."""
         reach = self.reach * self.given.scale
         return self.given.standard / self.given.scale, reach / np.abs(reach).max(axis=1, keepdims=True)
 
     def is_possible(self, change: Float[Array, "*b 10"]) -> Array:
-        """True where the given body with a change is possible up to rounding, ``(*b,)``; false if it is not finite."""
+        """True where the given body with a change is possible up to rounding, ``(*b,)``; False if it is not finite."""
         finite: Array = np.asarray(np.isfinite(change).all(axis=-1, keepdims=True))
         parameters = (self.given.standard + np.where(finite, change, 0.0)) / self.given.scale
         least = np.linalg.eigvalsh(pseudo_inertia(parameters))[..., 0]
         within = parameters @ (self.reach * self.given.scale).T
-        allowed = -_ROUNDING * np.abs(self.reach[:, 1:4]).max(initial=1.0)
-        return finite[..., 0] & (least >= -_ROUNDING) & (within >= allowed).all(axis=-1)
+        allowed = -_ROUNDING_SHARE * np.abs(self.reach[:, 1:4]).max(initial=1.0)
+        return finite[..., 0] & (least >= -_ROUNDING_SHARE) & (within >= allowed).all(axis=-1)
 
 
 @dataclass(frozen=True)
 class ActiveConstraints:
-    """Active constraints at a minimum.
+    """The constraints that are active at a minimum.
 
     Attributes:
         bodies: For each body, True if it would be impossible without a constraint.
@@ -90,7 +90,7 @@ class ActiveConstraints:
 
 
 def bodies_of_term(robot: Robot, term: Term) -> tuple[Body, ...]:
-    """Bodies whose inertial parameters an effect changes freely."""
+    """Bodies whose inertial parameters a term changes freely."""
     own = term.effect.regressor_columns(robot, term.joint)
     return tuple(body_of(robot, own[at] // 10 + 1, term.columns[at : at + 10]) for at in range(0, len(own), 10))
 
@@ -112,11 +112,11 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
     points += [model.jointPlacements[child].translation for child in model.children[index]]
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     half = 0.5 * (high - low)
-    half = np.maximum(half, _THINNEST * half.max())
+    half = np.maximum(half, _THINNEST_SIDE * half.max())
     if len(model.children[index]) == 0:
         longest = max(float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements)
-        half = np.maximum(half, longest or float(np.abs(points[1]).max()) or _SOME_LENGTH)
-    middle, half = 0.5 * (low + high), _WIDER * np.maximum(half, 1e-3)
+        half = np.maximum(half, longest or float(np.abs(points[1]).max()) or _DEFAULT_REACH)
+    middle, half = 0.5 * (low + high), _BOX_FACTOR * np.maximum(half, 1e-3)
     reach = np.zeros((6, 10))
     for axis in range(3):
         reach[2 * axis, [0, 1 + axis]] = middle[axis] + half[axis], -1.0
@@ -125,7 +125,7 @@ def body_of(robot: Robot, index: int, columns: tuple[int, ...]) -> Body:
 
 
 def _reference_body(robot: Robot, index: int) -> ReferenceBody:
-    """The body of the model with its units; for a body without mass the unit of mass is the mean mass of the others."""
+    """The body of the model with its units; if it has no mass, its unit of mass is the mean mass of the others."""
     given = robot.model.inertias[index]
     mass = float(given.mass)
     if mass <= 0:
@@ -135,21 +135,21 @@ def _reference_body(robot: Robot, index: int) -> ReferenceBody:
 
 
 def impossible_bodies(bodies: Iterable[Body], theta: Float[Array, " K"]) -> tuple[str, ...]:
-    """Names of the bodies that are impossible with these coefficients of all columns."""
+    """Names of the bodies that are impossible with the coefficients ``theta`` of all columns."""
     return tuple(body.name for body in bodies if not body.is_possible(theta[list(body.columns)]))
 
 
-def places_among(kept: Int[Array, " n"], bodies: tuple[Body, ...]) -> list[tuple[Body, Int[Array, " 10"]]]:
-    """Each body with the positions of its columns among the fitted columns ``kept``."""
-    # The columns of a load come last, so ``kept`` is not in ascending order.
-    order = np.argsort(kept)
-    return [(body, order[np.searchsorted(kept, body.columns, sorter=order)]) for body in bodies]
+def positions_of_bodies(fitted: Int[Array, " n"], bodies: tuple[Body, ...]) -> list[tuple[Body, Int[Array, " 10"]]]:
+    """Each body with the positions of its columns among the fitted columns."""
+    # The columns of a load come last, so ``fitted`` is not in ascending order.
+    order = np.argsort(fitted)
+    return [(body, order[np.searchsorted(fitted, body.columns, sorter=order)]) for body in bodies]
 
 
-def among_possible_bodies(
+def with_possible_bodies(
     found: Minimum,
-    square: Float[Array, "n n"],
-    line: Float[Array, " n"],
+    gram: Float[Array, "n n"],
+    right_side: Float[Array, " n"],
     precision: Float[Array, " n"],
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
     folds: tuple[Float[Array, "F n n"], Float[Array, "F n"]] | None,
@@ -161,11 +161,11 @@ def among_possible_bodies(
 
     Args:
         found: The unconstrained fit.
-        square: Columns times columns.
-        line: Columns times residual.
+        gram: Products of columns with columns.
+        right_side: Products of columns with the residual.
         precision: Prior precision of each coefficient.
-        bounds: Bounds of each coefficient.
-        folds: Part of each fold in ``square`` and ``line``; None if nothing is held out.
+        bounds: Lower and upper bounds of the coefficients.
+        folds: Part of each fold in ``gram`` and ``right_side``; None if nothing is held out.
         bodies: Each body with the positions of its changes among the coefficients.
     """
 
@@ -174,15 +174,15 @@ def among_possible_bodies(
 
     if not bodies:
         return found
-    with_prior = square + np.diag(precision)
-    x, objective, without, binding = found.x, found.objective, found.without.copy(), None
+    with_prior = gram + np.diag(precision)
+    x, objective, without, active = found.x, found.objective, found.without.copy(), None
     if not possible(x):
-        x, binding = possible_minimum(with_prior, line, bounds, found.x, bodies)
-        objective += _loss_of(with_prior, line, x) - _loss_of(with_prior, line, found.x)
+        x, active = possible_minimum(with_prior, right_side, bounds, found.x, bodies)
+        objective += _loss_of(with_prior, right_side, x) - _loss_of(with_prior, right_side, found.x)
     for k in range(len(without)):
         if folds is not None and not possible(without[k]):
-            less, other = with_prior - folds[0][k], line - folds[1][k]
-            without[k], _ = possible_minimum(less, other, bounds, without[k], bodies, binding)
+            a, b = with_prior - folds[0][k], right_side - folds[1][k]
+            without[k], _ = possible_minimum(a, b, bounds, without[k], bodies, active)
     return Minimum(x, objective, without)
 
 
@@ -197,14 +197,14 @@ def possible_minimum(
     bounds: tuple[Float[Array, " k"], Float[Array, " k"]],
     x: Float[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
-    binding: ActiveConstraints | None = None,
+    start: ActiveConstraints | None = None,
 ) -> tuple[Float[Array, " k"], ActiveConstraints]:
     """Minimum of ``x a x / 2 - b x`` within bounds and with possible bodies, by an active-set method.
 
     In each round, coefficients are fixed at their active bounds, and constrained bodies are computed in the cone of
     possible bodies, with all other coefficients eliminated. Then violated bounds and impossible bodies become active.
-    Active bounds are released if the loss falls towards the inside. If nothing changes, this is the minimum, as the
-    problem is convex.
+    Active bounds are released if the loss falls towards the inside. If nothing changes, the minimum is found, because
+    the problem is convex.
 
     Args:
         a: Quadratic part, positive definite.
@@ -212,7 +212,7 @@ def possible_minimum(
         bounds: Lower and upper bounds; infinite for the bodies' coefficients.
         x: The minimum within the bounds, without constraints on bodies.
         bodies: Each body with the positions of its changes among the coefficients.
-        binding: Active constraints at the minimum of a similar loss, to start from; None if there is none.
+        start: Active constraints at the minimum of a similar loss, which are tried first; None if there is none.
 
     Returns:
         The minimum, and the constraints that are active there.
@@ -220,30 +220,30 @@ def possible_minimum(
     lower, upper = bounds
     of_bodies = np.zeros(len(b), dtype=bool)
     of_bodies[np.concatenate([at for _, at in bodies])] = True
-    if binding is None:
+    if start is None:
         constrained, low, high = tuple(not body.is_possible(x[at]) for body, at in bodies), x <= lower, x >= upper
     else:
-        constrained, low, high = binding.bodies, binding.low, binding.high
+        constrained, low, high = start.bodies, start.low, start.high
         x = np.where(low, lower, np.where(high, upper, x))
-    held = ~of_bodies & (low | high)
-    for _ in range(_CHANGES):
-        x = _minimum_in_cone(a, b, x, held, [pair for pair, active in zip(bodies, constrained, strict=True) if active])
+    fixed = ~of_bodies & (low | high)
+    for _ in range(_MOST_ROUNDS):
+        x = _minimum_in_cone(a, b, x, fixed, [pair for pair, active in zip(bodies, constrained, strict=True) if active])
         slope = a @ x - b
         # True where the loss falls away from the bound: upwards from a lower one, downwards from an upper one.
         inwards = np.where(x <= lower, slope < 0.0, slope > 0.0) & (slope**2 > _LEAST_GAIN * np.diag(a))
-        released, outside = held & inwards & (lower < upper), ~held & ((x < lower) | (x > upper))
+        released, outside = fixed & inwards & (lower < upper), ~fixed & ((x < lower) | (x > upper))
         impossible = [
             not active and not body.is_possible(x[at]) for (body, at), active in zip(bodies, constrained, strict=True)
         ]
         if not released.any() and not outside.any() and not any(impossible):
-            return x, ActiveConstraints(constrained, held & (x <= lower), held & (x >= upper))
-        x, held = np.clip(x, lower, upper), (held & ~released) | outside
+            return x, ActiveConstraints(constrained, fixed & (x <= lower), fixed & (x >= upper))
+        x, fixed = np.clip(x, lower, upper), (fixed & ~released) | outside
         constrained = tuple(active or new for active, new in zip(constrained, impossible, strict=True))
-    # The bounds of nearly equal columns may change without end. Then all bodies are constrained and computed first, and
-    # the other coefficients are solved for afterwards.
-    x, others = np.clip(_minimum_in_cone(a, b, x, held, bodies), lower, upper), ~of_bodies
-    beside = b[others] - a[np.ix_(others, of_bodies)] @ x[of_bodies]
-    x[others] = bounded_solve(a[np.ix_(others, others)], beside, lower[others], upper[others])
+    # The active bounds of nearly equal columns may alternate forever. Then all bodies are constrained and computed
+    # first, and the other coefficients are solved for afterwards.
+    x, others = np.clip(_minimum_in_cone(a, b, x, fixed, bodies), lower, upper), ~of_bodies
+    right_side = b[others] - a[np.ix_(others, of_bodies)] @ x[of_bodies]
+    x[others] = bounded_solve(a[np.ix_(others, others)], right_side, lower[others], upper[others])
     return x, ActiveConstraints((True,) * len(bodies), others & (x <= lower), others & (x >= upper))
 
 
@@ -251,21 +251,22 @@ def _minimum_in_cone(
     a: Float[Array, "k k"],
     b: Float[Array, " k"],
     x: Float[Array, " k"],
-    held: Bool[Array, " k"],
+    fixed: Bool[Array, " k"],
     bodies: Sequence[tuple[Body, Int[Array, " 10"]]],
 ) -> Float[Array, " k"]:
-    """The minimum with ``held`` coefficients fixed, ``bodies`` constrained to the cone, and all others free."""
-    at = np.concatenate([places for _, places in bodies])
-    rest = ~held
-    rest[at] = False
-    free, x = np.flatnonzero(rest), x.copy()
-    line, rows = b - a @ np.where(held, x, 0.0), a[free]
+    """The minimum if some coefficients are fixed, ``bodies`` are in the cone, and all other coefficients are free."""
+    at = np.concatenate([positions for _, positions in bodies])
+    is_free = ~fixed
+    is_free[at] = False
+    free, x = np.flatnonzero(is_free), x.copy()
+    right_side, rows = b - a @ np.where(fixed, x, 0.0), a[free]
     cross = rows[:, at]
     # The free coefficients are linear functions of those of the bodies.
-    eliminated = solve(rows[:, free], np.column_stack([cross, line[free]]))
+    eliminated = solve(rows[:, free], np.column_stack([cross, right_side[free]]))
     scale = np.concatenate([body.given.scale for body, _ in bodies])
-    square = (a[np.ix_(at, at)] - cross.T @ eliminated[:, :-1]) * np.outer(scale, scale) + _PRIOR * np.eye(len(at))
+    gram = (a[np.ix_(at, at)] - cross.T @ eliminated[:, :-1]) * np.outer(scale, scale)
+    gram += _CHANGE_PENALTY * np.eye(len(at))
     given, reach = (np.array(part) for part in zip(*(body.scaled for body, _ in bodies), strict=True))
-    x[at] = scale * best_bodies(square, (line[at] - cross.T @ eliminated[:, -1]) * scale, given, reach)
+    x[at] = scale * best_bodies(gram, (right_side[at] - cross.T @ eliminated[:, -1]) * scale, given, reach)
     x[free] = eliminated[:, -1] - eliminated[:, :-1] @ x[at]
     return x

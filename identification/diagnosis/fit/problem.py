@@ -21,12 +21,12 @@ from identification.engine.products.grams import Grams, RowGrams, Weights, all_r
 from identification.engine.products.triangles import diagonal
 from phantom_dyn.array_types import Array, Float, Int
 
-# Tolerance parameters are left out of all fits if, each at its bound, together they change the torque by a sum of
+# Tolerance parameters are left out of all fits if the torque that they add together, each at its bound, has a sum of
 # squares of at most this many noise variances of one sample.
-_UNSEEN = 1.0
-# A column is rounding errors if its size is below this share of that of the largest column of its effect. The prior of
-# its coefficient then has a standard deviation of one, whatever the size of the column is.
-_ROUNDING = 1e-9
+_NEGLIGIBLE_SQUARES = 1.0
+# A column consists of rounding errors if its size is below this share of that of the largest column of its effect. The
+# prior of its coefficient then has a standard deviation of one, whatever the size of the column is.
+_ROUNDING_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,11 @@ class Problem:
         fitted_nuisances: Indices of the nuisances that the fits contain. The others change these recordings too little
             (`observable_nuisances`).
         total_a, total_b: Products of columns with columns and with the residual, summed over the training blocks.
-        touched: For each column, the rows on which it is not zero.
-        bodies: The bodies whose inertial parameters an effect changes freely, by effect.
+        rows_of_column: For each column, the rows on which it is not zero.
+        bodies: For each effect that changes inertial parameters freely, the bodies with these parameters.
         at_readings: The problem for fits without effects that displace the links: its columns of tolerance parameters
-            and rigid bodies are computed at the positions that the encoders read. None if ``columns`` are, too.
+            and rigid bodies are computed at the positions that the encoders read. None if those of ``columns`` are,
+            too.
     """
 
     session: Session
@@ -63,7 +64,7 @@ class Problem:
     fitted_nuisances: Int[Array, " m"]
     total_a: Float[Array, "K K"]
     total_b: Float[Array, " K"]
-    touched: tuple[frozenset[int], ...]
+    rows_of_column: tuple[frozenset[int], ...]
     bodies: Mapping[Term, tuple[Body, ...]]
     at_readings: Problem | None = None
 
@@ -71,14 +72,14 @@ class Problem:
         """The problem with the columns that a fit of some effects needs.
 
         If an effect displaces the links or tilts the base, the columns of tolerance parameters and rigid bodies depend
-        on that effect. A fit without the effect takes `at_readings`.
+        on that effect. A fit without the effect uses `at_readings`.
         """
         if self.at_readings is None or {term.effect_joint for term in terms}.issuperset(self.columns.displaced):
             return self
         return self.at_readings
 
     def bodies_of(self, terms: Iterable[Term]) -> tuple[Body, ...]:
-        """Bodies whose inertial parameters some effects change freely, each once, in the order of their columns."""
+        """Bodies whose inertial parameters the effects change freely, each once, in the order of their columns."""
         free = (term for term in terms if term.effect.inertial == "free")
         found = {body.name: body for term in free for body in self.bodies[term]}
         return tuple(sorted(found.values(), key=lambda body: body.columns))
@@ -112,18 +113,18 @@ def set_up(
     has_wide_prior, lower, upper = energy > 0, np.full(count, -np.inf), np.full(count, np.inf)
     for term in columns.terms:
         own = list(term.columns)
-        # If the motion does not excite one coefficient of a law, its column is rounding errors, and the wide prior for
-        # so small a column would allow any value.
-        has_wide_prior[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
+        # If the motion does not excite one coefficient of a law, its column consists of rounding errors, and the wide
+        # prior for so small a column would allow any value.
+        has_wide_prior[own] &= energy[own] > _ROUNDING_SHARE**2 * energy[own].max()
         lower[own], upper[own] = np.maximum(lower[own], term.lower), np.minimum(upper[own], term.upper)
     precision = np.where(has_wide_prior, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
     for k, parameter in enumerate(columns.tolerance_parameters):
         precision[k] = 1.0 / parameter.sigma**2
         lower[k], upper[k] = -parameter.bound, parameter.bound
-    touched: list[set[int]] = [set() for _ in range(count)]
+    rows_of_column: list[set[int]] = [set() for _ in range(count)]
     for j, index in enumerate(columns.rows):
         for k in index:
-            touched[k].add(j)
+            rows_of_column[k].add(j)
     return Problem(
         session,
         columns,
@@ -137,7 +138,7 @@ def set_up(
         fitted_nuisances,
         grams.total_a,
         grams.b[grams.fold >= 0].sum(axis=0),
-        tuple(frozenset(rows) for rows in touched),
+        tuple(frozenset(rows) for rows in rows_of_column),
         {term: bodies_of_term(session.robot, term) for term in columns.terms if term.effect.inertial == "free"},
     )
 
@@ -160,4 +161,4 @@ def observable_nuisances(columns: Columns, rows: tuple[RowGrams, ...]) -> Int[Ar
         energy[row.index[own]] += diagonal(row.a.sum(axis=0), own)
     energy *= np.array([parameter.bound for parameter in columns.tolerance_parameters]) ** 2
     smallest = np.argsort(energy, kind="stable")
-    return np.sort(smallest[np.cumsum(energy[smallest]) > _UNSEEN])
+    return np.sort(smallest[np.cumsum(energy[smallest]) > _NEGLIGIBLE_SQUARES])

@@ -1,8 +1,8 @@
 """Variance of the parameters of a fit whose laws are not exact, from the part of its residual that repeats.
 
 Noise in different blocks is independent. A residual that repeats in other blocks at the same speed, position or
-acceleration is not noise, but the difference between the law and the robot. The scatter from block to block does not
-include this error, since it is the same in every block, and a longer recording does not reduce it.
+acceleration is not noise, but an error of the laws. The scatter from block to block does not include this error, since
+it is the same in every block, and a longer recording does not reduce it.
 
 The score of a sample is its residual times its slopes, the derivatives of the model with respect to the parameters.
 Scores of samples at the same state are summed over all blocks, and within each block alone. The variance of the first
@@ -25,13 +25,13 @@ from phantom_dyn.array_types import Array, Float, Int
 
 # Number of groups into which a joint's samples are divided by velocity (slow and fast in either direction), by position
 # and by acceleration, with equally many samples in each. With more groups, fewer blocks have samples in the same group.
-GROUPS = 4
-# A variance counts as zero if it is below this many standard deviations of the variance that white noise alone gives.
-CHANCE = 1.0
-# Leverage above which a group alone determines a parameter. The residual is then zero in any case, so it is not used.
-_DECIDES = 1.0 - 1e-9
+STATE_GROUPS = 4
+# A variance is set to zero if it is below this many standard deviations of the variance from white noise alone.
+CHANCE_DEVIATIONS = 1.0
+# Leverage above which one cluster determines a parameter. Its residual is then always zero, so it is not used.
+_FULL_LEVERAGE = 1.0 - 1e-9
 # Eigenvalues below this share of the largest one are rounding errors, and their directions are left out.
-_RANK = 1e-12
+_ROUNDING_SHARE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class Equations:
     """The equations of a fit, one for each joint and sample, divided by the standard deviation of their noise.
 
     Attributes:
-        slopes: Derivatives of the model by its parameters, ``(m, p)``.
+        slopes: Derivatives of the model with respect to its parameters, ``(m, p)``.
         residual: Residual of the fit, ``(m,)``.
-        states: Group of each equation, ``(m,)``, by joint and position, by joint and velocity, and by joint and
-            acceleration.
+        states: Group of each equation, ``(m,)``, in three ways: by joint and position, by joint and velocity, and by
+            joint and acceleration.
         blocks: Block of each equation, ``(m,)``.
     """
 
@@ -76,7 +76,7 @@ def equations(layout: ModelLayout, model: Linearised) -> Equations:
             residuals.append((problem.white.residual[log] - model.torque[log])[used, j] * scale)
             blocks.append(of_log[used])
             motion.append(np.stack([operation.q[at, j], operation.v[at, j], operation.a[at, j]]))
-        states.append([state_groups(series) + GROUPS * j for series in np.concatenate(motion, axis=1)])
+        states.append([state_groups(series) + STATE_GROUPS * j for series in np.concatenate(motion, axis=1)])
     groups = tuple(np.concatenate(of_joints) for of_joints in zip(*states, strict=True))
     return Equations(np.concatenate(slopes), np.concatenate(residuals), groups, np.concatenate(blocks))
 
@@ -90,7 +90,7 @@ def repeated_variance(
 ) -> Float[Array, " p"]:
     """Variance of each parameter of a fit from residuals that repeat in several blocks at the same state.
 
-    It is zero where it is no larger than white noise alone can make it.
+    It is set to zero where white noise alone can cause it.
 
     Args:
         slopes: Derivatives of the equations, divided by the standard deviation of their noise.
@@ -109,7 +109,7 @@ def repeated_variance(
         # With white noise, the variance of a group's score is the group's information on the parameter.
         information = [((scaled[state == group] @ root.T) ** 2).sum(axis=0) for group in np.unique(state)]
         chance += 2.0 * np.square(information).sum(axis=0)
-    return np.where(variance > CHANCE * np.sqrt(chance), variance, 0.0)
+    return np.where(variance > CHANCE_DEVIATIONS * np.sqrt(chance), variance, 0.0)
 
 
 def scatter(slopes: Float[Array, "m r"], residual: Float[Array, " m"], labels: Int[Array, " m"]) -> Float[Array, "r r"]:
@@ -127,12 +127,12 @@ def scatter(slopes: Float[Array, "m r"], residual: Float[Array, " m"], labels: I
 
 
 def _score(slopes: Float[Array, "m r"], residual: Float[Array, " m"]) -> Float[Array, " r"]:
-    """Score of one cluster, with its residual corrected for the part that the fit has explained."""
+    """Score of one cluster, with its residual corrected for the part that the fit has explained (CR2)."""
     count, size = slopes.shape
     gram = slopes @ slopes.T if count < size else slopes.T @ slopes
     leverage, axes = np.linalg.eigh(gram)
     leverage = np.clip(leverage, 0.0, None)
-    factor = np.where(leverage < _DECIDES, 1.0 / np.sqrt(1.0 - np.minimum(leverage, _DECIDES)), 0.0)
+    factor = np.where(leverage < _FULL_LEVERAGE, 1.0 / np.sqrt(1.0 - np.minimum(leverage, _FULL_LEVERAGE)), 0.0)
     if count < size:
         return slopes.T @ (axes @ (factor * (axes.T @ residual)))
     return axes @ (factor * (axes.T @ (slopes.T @ residual)))
@@ -142,13 +142,13 @@ def _inverse_root(total: Float[Array, "p p"]) -> Float[Array, "p r"]:
     """Matrix ``R`` such that ``R R^T`` is the inverse of ``total``, or its pseudo-inverse if it is singular."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
     eigenvalues, axes = np.linalg.eigh(total * np.outer(scale, scale))
-    kept = eigenvalues > _RANK * eigenvalues.max(initial=0.0)
-    return scale[:, None] * axes[:, kept] / np.sqrt(eigenvalues[kept])
+    regular = eigenvalues > _ROUNDING_SHARE * eigenvalues.max(initial=0.0)
+    return scale[:, None] * axes[:, regular] / np.sqrt(eigenvalues[regular])
 
 
 def state_groups(series: Float[Array, " m"]) -> Int[Array, " m"]:
-    """Group of each sample by the value of a series: `GROUPS` ranges of values with equally many samples in each."""
+    """Group of each sample by the value of a series; all `STATE_GROUPS` groups have the same number of samples."""
     if len(series) == 0:  # a joint that never moves
         return np.zeros(0, dtype=int)
-    ends = np.quantile(series, np.linspace(0.0, 1.0, GROUPS + 1)[1:-1])
+    ends = np.quantile(series, np.linspace(0.0, 1.0, STATE_GROUPS + 1)[1:-1])
     return np.searchsorted(ends, series)

@@ -19,7 +19,7 @@ import numpy as np
 from identification.diagnosis.columns.operations import adjusted_robot, moved_operation
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.point_mass import load_map
+from identification.diagnosis.fit.point_mass import load_jacobian
 from identification.diagnosis.fit.problem import Problem
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect
@@ -37,8 +37,8 @@ class TermSlices:
 
     Attributes:
         term: The effect with the shape that the search has found.
-        coefficients: Positions of the coefficients of its columns; of a payload only mass and first moments.
-        shape: Positions of its free shape parameters; empty without any, or if they follow from the coefficients.
+        coefficients: Positions of the coefficients of its columns; for a payload, of mass and first moments alone.
+        shape: Positions of its free shape parameters; empty if there are none, or if the coefficients determine them.
     """
 
     term: Term
@@ -117,11 +117,11 @@ def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[M
 
 @dataclass(frozen=True)
 class Linearised:
-    """First-order expansion of a model: torque beyond the given model's and its Jacobian, for each log.
+    """First-order expansion of a model, for each log.
 
     Attributes:
-        torque: ``(n, nv)`` each.
-        slopes: ``(n, nv, p)`` each.
+        torque: Torque minus that of the given model [N m or N], ``(n, nv)`` each.
+        slopes: Jacobian of this torque, ``(n, nv, p)`` each.
     """
 
     torque: tuple[Float[Array, "_ nv"], ...]
@@ -138,9 +138,13 @@ def weighted_products(
 ) -> tuple[Array, Array, Array]:
     """Weighted products of slopes and a residual for each training block.
 
+    Args:
+        layout: The terms of the model.
+        model: The model, expanded to first order.
+        residual: A torque for each log ``(n, nv)``; None to use the residual of the model.
+
     Returns:
         Slopes times slopes, slopes times residual, and residual times residual, ``(B, p, p)``, ``(B, p)`` and ``(B,)``.
-        Without a given residual, that of the model is used.
     """
     if residual is None:
         residual = tuple(
@@ -185,7 +189,7 @@ def term_torque(layout: ModelLayout, slices: TermSlices, x: Float[Array, " p"]) 
 def _linearised_log(
     layout: ModelLayout, x: Float[Array, " p"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
-    """Torque of one log beyond that of the given model, and its Jacobian."""
+    """Torque of one log minus that of the given model, and its Jacobian."""
     problem = layout.problem
     nuisances = np.arange(problem.nuisance_count)
     n, nv = problem.white.residual[log].shape
@@ -217,15 +221,15 @@ def _with_slopes(
     effect = slices.term.effect
     if effect.inertial == "point mass":
         columns = columns_of(layout.problem, slices.term.columns, log)
-        slopes = columns @ load_map(layout.problem.session.robot, slices.term, own)
-        # The torque is homogeneous of degree one in mass and first moments, so it is their product with the slopes.
+        slopes = columns @ load_jacobian(layout.problem.session.robot, slices.term, own)
+        # The torque is homogeneous of degree one in mass and first moments, so it is the slopes times these four.
         return slopes @ own, slopes
 
     def slope(k: int) -> Float[Array, "n nv"]:
         return central_difference(lambda own, shape: _torque_at(layout, slices, own, shape, log), own, shape, k)
 
     if effect.shape_is_estimate or effect.first_order:
-        # These laws are not linear in their coefficients, so their columns are no derivatives.
+        # These laws are not linear in their coefficients, so their columns are not the derivatives.
         return _torque_at(layout, slices, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
     columns = _columns_at_shape(layout, slices, tuple(shape.tolist()) or slices.term.shape, log)
     of_shape = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
@@ -240,7 +244,7 @@ def central_difference(
 ) -> Float[Array, "n nv"]:
     """Derivative of a term's torque with respect to its coefficient or shape parameter ``k``, shape parameters last."""
     numbers = np.concatenate([own, shape])
-    # The step of a coefficient is relative to the largest one, as some may be zero; that of a shape, to itself.
+    # The step of a coefficient is relative to the largest one, as some may be zero; that of a shape to its own value.
     scaled_by = own if k < len(own) else numbers[k : k + 1]
     step = np.zeros(len(numbers))
     step[k] = _STEP * max(float(np.abs(scaled_by).max()), 1e-9)
@@ -262,19 +266,19 @@ def _torque_at(
         return in_band(layout, log, torque)
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
-        # The shape of this law is its own coefficient, so the torque is exact if both agree.
+        # The coefficients of this law determine its shape, so the torque is exact if both agree.
         at = term.effect.at_estimate(own, term.shape)
     return _columns_at_shape(layout, slices, at, log) @ own
 
 
 def columns_of(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
-    """Columns of the problem in the judged band, zero on rows that they do not touch."""
+    """Wanted columns of the problem in the judged band, zero on rows that do not contain them."""
     white = problem.white
     out = np.zeros((*white.residual[log].shape, len(wanted)))
     for j, index in enumerate(white.rows):
-        at = {column: k for k, column in enumerate(index)}
-        there = [k for k, column in enumerate(wanted) if column in at]
-        out[:, j, there] = white.values[log][j][:, [at[wanted[k]] for k in there]]
+        position = {column: k for k, column in enumerate(index)}
+        contained = [k for k, column in enumerate(wanted) if column in position]
+        out[:, j, contained] = white.values[log][j][:, [position[wanted[k]] for k in contained]]
     return out
 
 
@@ -294,6 +298,6 @@ def _columns_at_shape(layout: ModelLayout, slices: TermSlices, shape: Shape, log
 
 
 def in_band(layout: ModelLayout, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
-    """A series at the full rate, filtered into the judged band as the recorded torque is."""
+    """A series at the full rate, filtered to the judged band like the recorded torque."""
     session = layout.problem.session
     return session.log_in_judged_band(session.logs[log].band(x), log)

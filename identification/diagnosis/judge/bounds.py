@@ -198,7 +198,7 @@ def _energies(problem: Problem, theta: Float[Array, "t K"]) -> Float[Array, "t n
 
 def _touched_rows(problem: Problem, term: Term) -> list[int]:
     """Indices of the joints on which an effect makes a torque."""
-    return sorted(frozenset[int]().union(*(problem.touched[column] for column in term.columns)))
+    return sorted(frozenset[int]().union(*(problem.rows_of_column[column] for column in term.columns)))
 
 
 def _detectable_deviations(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
@@ -212,7 +212,7 @@ def _detectable_deviations(search: Search, term: Term, by_block: Float[Array, " 
     """
     from scipy.special import ndtri
 
-    needed = least + max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
+    needed = least + max(price(search.counts[term]) - above_chance.PARAMETER_PRICE, 0.0)
     return float(np.sqrt(max(needed + 2.0, _least_gain_over_blocks(by_block, needed))) + ndtri(0.95))
 
 

@@ -17,7 +17,7 @@ from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.motion.standstill import counted_step, near_reversals
 from identification.diagnosis.columns.session import Series
-from identification.diagnosis.fit.gap import measured_in_band, moved_by
+from identification.diagnosis.fit.gap import comparison_torque, measured_in_fit_band
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.floors import reading_noise, torque_above_band
 from identification.diagnosis.result import Burst, JointGap
@@ -63,7 +63,7 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
     """
     session, columns, out = problem.session, problem.columns, []
     above_band = np.sqrt(torque_above_band(problem, reading_noise(session)))
-    modelled, measured = moved_by(problem, columns.model_torque), measured_in_band(problem)
+    modelled, measured = comparison_torque(problem, columns.model_torque), measured_in_fit_band(problem)
     for k, log in enumerate(session.logs):
         expected = _expected_errors(problem, k, residual[k], doubt[k], modelled[k])
         # Near invalid samples and the ends of a recording, filters have no measured samples on one side.

@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.gap import ResidualSums, residual_sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.noise.encoder_noise import Coarse
+from identification.diagnosis.noise.encoder_noise import CoarseJoint
 from identification.diagnosis.result import Finding, Value
 from identification.engine.claims import GateResult
 from identification.gates.coarse_reading import rounding_matters
@@ -28,9 +28,9 @@ class CoarseRounding:
         results: All joints with a coarser encoder than expected, each with the result of the gate `rounding_matters`.
     """
 
-    coarse: tuple[Coarse, ...]
+    coarse: tuple[CoarseJoint, ...]
     energy: Float[Array, "k nv"]
-    results: tuple[tuple[Coarse, GateResult], ...] = ()
+    results: tuple[tuple[CoarseJoint, GateResult], ...] = ()
 
     @property
     def total(self) -> Float[Array, " nv"]:
@@ -40,7 +40,7 @@ class CoarseRounding:
 
 def coarse_rounding(
     problem: Problem,
-    coarse: tuple[Coarse, ...],
+    coarse: tuple[CoarseJoint, ...],
     floor: Float[Array, " nv"],
     noise: Series,
 ) -> CoarseRounding:

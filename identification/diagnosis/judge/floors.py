@@ -18,7 +18,7 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.gap import judged_blocks, least_noise, measured_torque, residual_sums, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.noise.discrepancy import discrepancy, drive_noise
-from identification.diagnosis.noise.repetitions import repeated_noise
+from identification.diagnosis.noise.repetitions import repetition_noise
 from identification.diagnosis.noise.sensor_floor import SensorFloor, sensor_floor
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from identification.engine import contract_levels
@@ -158,7 +158,7 @@ def floor_by_predictors(
     standstill = zip(problem.columns.usable, problem.columns.standstill_std, strict=True)
     free = tuple(use & (std == 0.0) for use, std in standstill)
     counts = tuple(sample_weights(problem, k) for k in range(len(residual)))
-    for j, seen in enumerate(repeated_noise(session, residual, free, counts)):
+    for j, seen in enumerate(repetition_noise(session, residual, free, counts)):
         if seen is None:
             continue
         reach = float(np.exp(ndtri(1.0 - outside / 200.0) * seen.error))
@@ -342,7 +342,7 @@ def floor_by_sensors(
     # but possible with noise whose density rises towards the motion.
     of_drive = drive_noise(problem.session.robot, sensed.torque)
     beyond = floor.value > np.hypot(np.maximum(high, of_drive), sensed.discrepancy)
-    coloured = taken & beyond & (floor.value <= by_sensors.rising)
+    coloured = taken & beyond & (floor.value <= by_sensors.limit_if_rising)
     known, taken = known & ~coloured, taken & ~coloured
     value = np.where(coloured, floor.value, value)
     low = np.where(coloured, floor.low, low)

@@ -93,4 +93,4 @@ def search_below(search: Search, columns: Columns, noise: Series, edges: Float[A
     if columns.displaced:
         read = columns_at_readings(session, columns)
         plain = replace(plain, at_readings=set_up(session, read, columns_below(read), weights))
-    return set_up_search(plain, search.threshold, search.rows, search.spurious, search.record)
+    return set_up_search(plain, search.threshold, search.gaps, search.spurious, search.record)

@@ -148,7 +148,7 @@ def _results_beside(
     results = gate_results(search, together, found)
     if results[-1].passed:
         return (*results, explains_more_than_others(search.score(found) - search.score(together))), ()
-    needed = search.threshold.of(term) + max(price(search.sizes[term]) - price(1), 0.0)
+    needed = search.threshold.of(term) + max(price(search.counts[term]) - price(1), 0.0)
     if other is None or not could_stand_for(best.instead_of, needed, best.beside, best.of_other):
         return results, ()
     return results, (other.effect_joint,)

@@ -152,7 +152,7 @@ def strong_motion_search(
     few, terms = columns_for(columns, tested)
     strong = search_below(search, few, noise, np.minimum(edges, session.cutoff_hz))
     # The gap of each row is computed again, because weights and band differ from those of ``search``.
-    return replace(strong, rows=row_gaps(strong.problem, strong.held_out_fit(frozenset()))), terms
+    return replace(strong, gaps=row_gaps(strong.problem, strong.held_out_fit(frozenset()))), terms
 
 
 def _strong_up_to(residual: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:

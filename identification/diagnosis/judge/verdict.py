@@ -18,7 +18,7 @@ from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained
-from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.claims import rows_of_term
 from identification.diagnosis.search.search import Search
 from identification.engine import contract_levels
 from phantom_dyn.array_types import Array, Bool, Float
@@ -132,9 +132,7 @@ def unexplained(
     """
     floor, problem, session = judge.floor, plain.problem, judge.problem.session
     counted = np.ones(len(floor), dtype=bool) if joints is None else joints
-    nameless = frozenset(
-        term for term in chosen if not term.named and counted[list(rows_touched_by(problem, term))].any()
-    )
+    nameless = frozenset(term for term in chosen if not term.named and counted[list(rows_of_term(problem, term))].any())
     # Here "flexible" is the residual after the flexible regression.
     flexible = tuple(r - p for r, p in zip(whole, flexible_prediction(problem, whole), strict=True))
     predicted = tuple(r - f for r, f in zip(residual, flexible, strict=True))

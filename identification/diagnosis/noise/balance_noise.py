@@ -26,23 +26,27 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-_TOP = 0.2  # highest frequency used, as a share of the rate: above, derivatives of a spline lose more than 2 %
-_RATIO = 2.0  # ratio of the ends of a sub-band; the filter of an octave rings for one period, a narrower one for longer
+# Highest frequency used, as a share of the sample rate. Above it, derivatives of a spline lose more than 2 %.
+_HIGHEST_FREQUENCY = 0.2
+# Ratio of the two ends of a sub-band. The filter of an octave rings for one period, that of a narrower band for longer.
+_SUB_BAND_RATIO = 2.0
 # Time before and after a stop or a reversal in which friction adds power, in periods of a sub-band's lowest frequency.
-_AROUND = 1.0
-_FEWEST = 40.0  # independent values in a sub-band: with fewer its power is uncertain by more than a third
-# From this share of a sub-band's power on, encoder noise hides the torque noise: the difference is too uncertain.
-_OF_ENCODERS = 0.5
-_EFFICIENCY = 0.37  # efficiency of the median of squares relative to their mean
-# Uncertainty of the computed encoder noise, as a share of a sub-band's power that encoder noise dominates. A smaller
-# remaining power may be no torque noise at all.
-_HIDDEN = 0.3
-# If encoder noise hides the torque noise in all sub-bands, the torque noise is assumed to have this share of its
-# largest possible power, which is a quarter of the amplitude.
-_BETWEEN = 1.0 / 16.0
-_STEEPEST = 2.0  # largest slope of noise that falls with frequency, as a power: that behind a first-order lag
-# At most this many sub-bands, those with the least power, are averaged. Motion and effects raise the others.
-_LOWEST = 2
+_PERIODS_BESIDE_STOPS = 1.0
+# Smallest number of independent values in a sub-band. With fewer, its power is uncertain by more than a third.
+_FEWEST_VALUES = 40.0
+# From this share of a sub-band's power on, encoder noise dominates: the torque noise, a difference, is too uncertain.
+_DOMINANT_SHARE = 0.5
+_MEDIAN_EFFICIENCY = 0.37  # efficiency of the median of squares relative to their mean
+# Uncertainty of the computed encoder noise, as a share of the power of a sub-band in which encoder noise dominates. If
+# the remaining power is smaller, there may be no torque noise at all.
+_ENCODER_UNCERTAINTY = 0.3
+# If encoder noise dominates in all sub-bands, the torque noise is assumed to have this share of its largest possible
+# power, which is a quarter of its largest possible amplitude.
+_ASSUMED_SHARE = 1.0 / 16.0
+# Largest slope of a density that falls with frequency, as a power of frequency: the slope behind a first-order lag.
+_STEEPEST_SLOPE = 2.0
+# At most this many sub-bands, those with the least power, are averaged. Motion and effects add power to the others.
+_AVERAGED_SUB_BANDS = 2
 
 
 @dataclass(frozen=True)
@@ -51,20 +55,20 @@ class SubBand:
 
     Attributes:
         centre: Centre frequency [Hz].
-        whole: Density of measured minus modelled torque [(N m)^2/Hz].
-        encoders: Density from the noise of the position readings [(N m)^2/Hz].
+        balance: Density of measured minus modelled torque [(N m)^2/Hz].
+        encoders: Part of it that the noise of the position readings causes [(N m)^2/Hz].
         count: Number of independent values.
     """
 
     centre: float
-    whole: float
+    balance: float
     encoders: float
     count: float
 
     @property
     def torque(self) -> float:
-        """Density that is not from encoder noise [(N m)^2/Hz]."""
-        return self.whole - self.encoders
+        """Density of the torque noise: the part that encoder noise does not cause [(N m)^2/Hz]."""
+        return self.balance - self.encoders
 
 
 def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
@@ -72,9 +76,9 @@ def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
 
     White noise has the same density in every sub-band, and other causes, such as a resonance, only add to it. So the
     value is the mean density of the two sub-bands with the least density if these two agree, and the least density if
-    not. It is at most the whole density of any sub-band in which encoder noise dominates. The interval extends from the
-    least density to that of the sub-band next to the motion, because the ripple of a drive may rise towards lower
-    frequencies. Both ends include the uncertainty of a median.
+    they do not. It is at most the density of the balance in any sub-band in which encoder noise dominates. The interval
+    extends from the least density to that of the sub-band next to the motion, because the ripple of a drive may rise
+    towards lower frequencies. Both ends include the uncertainty of a median.
 
     If encoder noise dominates every sub-band, the upper end is the remaining density plus the uncertainty of the
     computed encoder noise, and the lower end is zero. If the remaining density is within this uncertainty, the value
@@ -84,25 +88,25 @@ def balance_noise(bands: list[SubBand], deviations: float) -> Density | None:
         bands: Power in each sub-band above the motion, from `balance_bands`.
         deviations: Half width of the interval in standard errors.
     """
-    clear = sorted((one for one in bands if not _is_hidden(one)), key=lambda one: one.torque)
-    hidden = [one for one in bands if one not in clear]
     if not bands:
         return None
+    clear = sorted((one for one in bands if not _encoders_dominate(one)), key=lambda one: one.torque)
+    dominated = [one for one in bands if one not in clear]
     if not clear:
         # A small remaining density may be an error of the computed encoder noise. But torque noise of zero is unlikely.
-        least = min(hidden, key=lambda one: one.whole)
-        most = max(least.torque, 0.0) + _HIDDEN * least.whole
-        if least.torque > _HIDDEN * least.whole:
+        least = min(dominated, key=lambda one: one.balance)
+        most = max(least.torque, 0.0) + _ENCODER_UNCERTAINTY * least.balance
+        if least.torque > _ENCODER_UNCERTAINTY * least.balance:
             return Density(least.torque, 0.0, most)
-        return Density(_BETWEEN * most, 0.0, most, may_be_nothing=True)
-    lowest = clear[:_LOWEST]
+        return Density(_ASSUMED_SHARE * most, 0.0, most, only_high_known=True)
+    lowest = clear[:_AVERAGED_SUB_BANDS]
     if lowest[-1].torque > lowest[0].torque * _error_factor(lowest, deviations) ** 2:
         lowest = clear[:1]
     factor = _error_factor(lowest, deviations)
-    value = min([float(np.mean([one.torque for one in lowest])), *(one.whole for one in hidden)])
+    value = min([float(np.mean([one.torque for one in lowest])), *(one.balance for one in dominated)])
     near_motion = min(clear, key=lambda one: one.centre).torque
     nearest = min(bands, key=lambda one: one.centre)
-    near_motion = min(near_motion, nearest.whole) if nearest in hidden else near_motion
+    near_motion = min(near_motion, nearest.balance) if nearest in dominated else near_motion
     low = clear[0].torque / factor
     return Density(value, low if low <= value else 0.0, max(value, near_motion) * factor)
 
@@ -122,29 +126,30 @@ def rising_density(bands: list[SubBand], judged_hz: float, lowest_hz: float, dev
         deviations: Half width of an interval in standard errors.
     """
     nearest = sorted(bands, key=lambda one: one.centre)[:2]
-    first, rises, steepest = nearest[0], False, _STEEPEST
-    if len(nearest) > 1 and not _is_hidden(first):
+    first, rises, steepest = nearest[0], False, _STEEPEST_SLOPE
+    if len(nearest) > 1 and not _encoders_dominate(first):
         second = nearest[1]
-        # If encoder noise dominates the second sub-band, its torque noise is at most its whole density.
-        beside = second.whole if _is_hidden(second) else second.torque
-        rise = float(np.log(first.torque / max(beside, 1e-300)))
+        # If encoder noise dominates in the second sub-band, its torque noise is at most the density of the balance.
+        second_density = second.balance if _encoders_dominate(second) else second.torque
+        rise = float(np.log(first.torque / max(second_density, 1e-300)))
         error = float(np.hypot(*(np.log(_error_factor([one], deviations)) for one in nearest)))
         rises = rise > error
-        if not _is_hidden(second):
-            steepest = min(max(rise + error, 0.0) / float(np.log(second.centre / first.centre)), _STEEPEST)
+        if not _encoders_dominate(second):
+            steepest = min(max(rise + error, 0.0) / float(np.log(second.centre / first.centre)), _STEEPEST_SLOPE)
     f = np.geomspace(min(lowest_hz, judged_hz), judged_hz, 200)
     mean = float(np.trapezoid((first.centre / f) ** steepest, f)) / judged_hz
-    return rises, (first.whole if _is_hidden(first) else first.torque) * _error_factor([first], deviations) * mean
+    density = first.balance if _encoders_dominate(first) else first.torque
+    return rises, density * _error_factor([first], deviations) * mean
 
 
-def _is_hidden(band: SubBand) -> bool:
+def _encoders_dominate(band: SubBand) -> bool:
     """True if at least half of a sub-band's power is encoder noise."""
-    return band.encoders >= _OF_ENCODERS * band.whole
+    return band.encoders >= _DOMINANT_SHARE * band.balance
 
 
 def _error_factor(bands: list[SubBand], deviations: float) -> float:
-    """Factor by which the mean power of some sub-bands may be wrong, because each is estimated by a median."""
-    return float(np.exp(deviations * np.sqrt(2.0 / (_EFFICIENCY * sum(one.count for one in bands)))))
+    """Factor by which the mean power of the sub-bands is uncertain, because the power of each is a median."""
+    return float(np.exp(deviations * np.sqrt(2.0 / (_MEDIAN_EFFICIENCY * sum(one.count for one in bands)))))
 
 
 def balance_bands(
@@ -156,12 +161,12 @@ def balance_bands(
         robot: The given model.
         log: A recording at its full rate.
         judged_hz: Edge of the band of the motion [Hz].
-        readings: Noise of each joint's position readings; None where it is not known.
+        readings: Noise of each joint's position readings; None where it is unknown.
     """
     out: tuple[list[SubBand], ...] = tuple([] for _ in range(robot.nv))
     rate = log.band.rate_hz
-    low, high = ABOVE_MOTION * judged_hz, _TOP * rate
-    count = int(np.log(high / low) / np.log(_RATIO)) if high > low else 0
+    low, high = ABOVE_MOTION * judged_hz, _HIGHEST_FREQUENCY * rate
+    count = int(np.log(high / low) / np.log(_SUB_BAND_RATIO)) if high > low else 0
     if count < 1:
         return out
     # Friction is modelled at the smooth velocity, because sign changes by noise would add power above the motion.
@@ -171,28 +176,28 @@ def balance_bands(
         balance = balance + log.external
     noise = reading_errors(log, readings, random_stream("errors of readings above the band"))
     encoder_torque = _rigid_torque(robot, log, log.motion.q + noise) - _rigid_torque(robot, log, log.motion.q)
-    # Sub-bands are widened to fill the range. For legged robots, with known contacts, they remain one octave wide: the
-    # judged band of leg swings is wide, and encoder noise dominates all frequencies except those next to it.
-    step = (high / low) ** (1 / count) if log.touched is None else _RATIO
+    # Sub-bands are widened to fill the range. For legged robots, whose contacts are known, they stay one octave wide:
+    # the judged band of leg swings is wide, and encoder noise dominates at all frequencies except those next to it.
+    step = (high / low) ** (1 / count) if log.touched is None else _SUB_BAND_RATIO
     for lower, upper in pairwise(low * step ** np.arange(count + 1)):
-        whole, encoders = (band_passed(x, rate, lower, upper) for x in (balance, encoder_torque))
-        travels = _travels(log, _AROUND / lower)
+        in_sub_band = [band_passed(x, rate, lower, upper) for x in (balance, encoder_torque)]
+        travels = _travels(log, _PERIODS_BESIDE_STOPS / lower)
         for j, bands in enumerate(out):
             use = travels[:, j]
             independent = float(2.0 * (upper - lower) * use.sum() / rate)
-            if independent >= _FEWEST:
+            if independent >= _FEWEST_VALUES:
                 centre = float(np.sqrt(lower * upper))
                 width = (upper - lower) * float(log.noise_gain(np.array([centre]))[0])
                 # The median of the magnitudes of normal noise, times 1.4826, is its standard deviation.
-                power, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / width for x in (whole, encoders))
-                bands.append(SubBand(centre, power, own, independent))
+                whole, own = ((1.4826 * float(np.median(np.abs(x[use, j])))) ** 2 / width for x in in_sub_band)
+                bands.append(SubBand(centre, whole, own, independent))
     return out
 
 
 def reading_errors(
     log: Log, readings: tuple[ReadingNoise | None, ...], rng: np.random.Generator
 ) -> Float[Array, "N nv"]:
-    """Random errors of position readings of a log's smooth motion [rad or m]; zero for joints of unknown noise."""
+    """Random errors of position readings of a log's smooth motion [rad or m]; zero for joints with unknown noise."""
     q = log.motion.q
     return np.column_stack(
         [np.zeros(len(q)) if own is None else own.errors(q[:, j], rng) for j, own in enumerate(readings)]
@@ -200,9 +205,9 @@ def reading_errors(
 
 
 def band_passed(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float) -> Float[Array, "N nv"]:
-    """Part of a series between two frequencies [Hz], by a filter without delay and with smooth edges that hardly ring.
+    """Part of a series between two frequencies [Hz], from a filter without delay whose smooth edges hardly ring.
 
-    The result is scaled so that white noise keeps the power that it has between the two frequencies.
+    The result is scaled so that white noise keeps its power between the two frequencies.
     """
     f = np.fft.rfftfreq(len(x), 1.0 / rate_hz)
     width = 0.15 * (high - low)
@@ -214,7 +219,7 @@ def band_passed(x: Float[Array, "N nv"], rate_hz: float, low: float, high: float
 
 
 def _rigid_torque(robot: Robot, log: Log, q: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Modelled torque without friction along positions that are differentiated without smoothing."""
+    """Modelled torque without friction of positions whose derivatives are computed without smoothing."""
     rate = log.band.rate_hz
     motion = log.motion.with_joints(*differentiate(q, rate, 0.4 * rate))
     return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)

@@ -2,7 +2,7 @@
 
 A row is one joint's torque. The noise of a row is the part of its residual that no fit predicts. A joint at standstill
 has any friction up to its breakaway torque, so its residual there may be many times its noise. In a recording that is
-mostly standstill, this residual would count as noise, and would hide friction that is plain in motion. Errors at
+mostly standstill, this residual would count as noise, and would hide friction that the motion shows clearly. Errors at
 reversals count as noise: they recur with the motion, so that they do not average out.
 """
 
@@ -22,7 +22,7 @@ _CONVERGED = 0.99  # ratio of two successive variances above which the iteration
 
 
 def certain_variance(squares: Float[Array, " n"], friction: Float[Array, " n"]) -> float:
-    """Variance of the noise, in which samples with uncertain friction have a low weight.
+    """Variance of the noise, from samples that have a low weight where friction is uncertain.
 
     The weights depend on the variance (`noise_share`). Both are computed in turn, starting from the mean of all
     samples, until the variance converges or too few samples have a large weight.
@@ -71,7 +71,7 @@ def root_weights(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int
 
 
 def roots_of_shares(columns: Columns, row: int, variance: float) -> list[Float[Array, " n"]]:
-    """The result of `root_weights` for a given variance of the noise."""
+    """Square root of the weight of each sample of a row, as in `root_weights`, for a given variance of the noise."""
     return [np.sqrt(noise_share(variance, part[:, row] ** 2)) for part in columns.standstill_std]
 
 

@@ -1,9 +1,9 @@
-"""Threshold that the gain of an effect must exceed, so that chance alone rarely makes a finding.
+"""Threshold that the gain of an effect must exceed, so that findings by chance are rare.
 
 The gain of an effect is the decrease of the loss (weighted squared residual) on held-out data when the effect is added
-to the fit. Recordings without a gap are simulated, every effect is fitted to each, and the largest gain of each
-recording is kept. The simulated recordings differ from the given model by its tolerances and by noise only. A Gumbel
-distribution, the usual law of largest values, is fitted to the largest gains.
+to the fit. Residuals of recordings without a gap are simulated: they contain noise and changes of the model within its
+tolerances, and nothing else. Every effect is fitted to each of them. A Gumbel distribution, the usual law of largest
+values, is fitted to the largest gain in each recording.
 """
 
 from __future__ import annotations
@@ -29,12 +29,11 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
     """Held-out gain that no effect of the catalogue reaches by chance in 99 of 100 recordings without a gap.
 
     The residual of a recording without a gap is simulated as the sum of two parts. One is the noise of the recording:
-    the part of its residual that no model predicts. Each block of it gets a random sign; spectrum, size and correlation
-    between joints stay as they are. The other part comes from changes of the modelled inertias and friction, drawn from
-    their tolerances. Every candidate effect is fitted to each residual, and the largest gain is kept. The threshold is
-    a quantile of the Gumbel distribution with the mean and the deviation of these largest gains. Thresholds of single
-    joints are computed in the same way from the effects of each joint. They are quantiles of a higher level, so that
-    chance exceeds any of them in one recording of 100 at most.
+    the part of its residual that no model predicts. Each block of it gets a random sign, which preserves spectrum, size
+    and correlation between joints. The other part comes from changes of the modelled inertias and friction, drawn from
+    their tolerances. The threshold is a quantile of the Gumbel distribution with the mean and the deviation of the
+    largest gains. Thresholds of single joints are computed in the same way from the effects of each joint. They are
+    quantiles of a higher level, so that chance exceeds any of them in at most one recording of 100.
 
     Args:
         search: Candidate effects and fitting problem.
@@ -47,8 +46,8 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
         return Threshold(least, {})
     rng = random_stream("recordings without a gap")
     b, core_b = _null_products(problem, filters, noise, rng)
-    # Gains are reduced by the price of the parameters of an effect beyond its first one.
-    extra = np.array([max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0) for term in search.terms])
+    # The price of an effect's parameters beyond the first one is subtracted from its gain.
+    extra = np.array([max(price(search.counts[term]) - above_chance.PARAMETER_PRICE, 0.0) for term in search.terms])
     gains = gains_on_residuals(problem, [term.columns for term in search.terms], b, core_b) - extra[:, None]
     joints = list(dict.fromkeys(joint_of(term) for term in search.terms))
     of_joint = {joint: [k for k, term in enumerate(search.terms) if joint_of(term) == joint] for joint in joints}
@@ -62,12 +61,12 @@ def null_threshold(search: Search, filters: Whitening, noise: Series, least: flo
 def _null_products(
     problem: Problem, filters: Whitening, noise: Series, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Sums over samples of each whitened column times each of ``R`` simulated residuals.
+    """Products (sums over samples) of each whitened column with each of ``R`` simulated residuals.
 
     Returns:
-        Sums over the blocks of each fold, and sums over the cores of these blocks. The core of a block is the part
-        whose noise is independent of the block before. The shape of both is ``(F, K, R)``, for ``F`` folds and ``K``
-        columns.
+        Products over the blocks of each fold, and products over the cores of these blocks. The core of a block is the
+        part whose noise is independent of the block before. The shape of both is ``(F, K, R)``, for ``F`` folds and
+        ``K`` columns.
     """
     columns, blocks, grams = problem.columns, problem.blocks, problem.grams
     folds, total = int(grams.fold.max()) + 1, len(columns.names)
@@ -76,8 +75,7 @@ def _null_products(
     bound = np.array([n.bound for n in columns.tolerance_parameters])
     # Random changes of the tolerance parameters, within their bounds.
     changes = np.clip(rng.normal(size=(len(sigma), _REPLICATES)) * sigma[:, None], -bound[:, None], bound[:, None])
-    # Products of the columns with the noise of each block. With a random sign for each block they add up to the
-    # products of one simulated recording.
+    # Products of the columns with the noise of each block. Each simulated recording adds them with random signs.
     whole, core = np.zeros((len(blocks), total)), np.zeros((len(blocks), total))
     for j, row in enumerate(grams.rows):
         weight = problem.weights.per_sample[j]
@@ -95,7 +93,7 @@ def _null_products(
             whole[k, row.index] += in_core + before_core
 
     def by_fold(of_noise: Float[Array, "B K"], of_columns: RowProducts) -> Float[Array, "F K R"]:
-        """Products with the simulated residuals: the part from the noise plus the part from changes of the model."""
+        """Products of each fold with the simulated residuals: those with the noise plus those with model changes."""
         blocks_of_fold = [grams.fold == fold for fold in range(folds)]
         of_changes = of_columns.between(np.arange(len(sigma)), np.arange(total)).transpose(0, 2, 1) @ changes
         return np.array([of_noise[rows].T @ signs[rows] for rows in blocks_of_fold]) + of_changes
@@ -106,6 +104,6 @@ def _null_products(
 def _product(
     filters: Whitening, x: Float[Array, "n k"], e: Float[Array, " m"], log: int, row: int, start: int
 ) -> Float[Array, " k"]:
-    """Product of white columns with a series. To save time, the series is filtered instead of the many columns."""
+    """Products of whitened columns with a series. To save time, the series is filtered instead of the many columns."""
     series, first = filters.transposed(e, log, row, start)
     return series @ x[first : first + len(series)]

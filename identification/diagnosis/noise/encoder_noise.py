@@ -1,9 +1,9 @@
 """Estimates the spurious torque, and spurious gains of effects, that encoder noise causes (errors in variables).
 
-The gain of an effect is the decrease of the weighted squared residual if the fit also contains the effect.
-Columns and modelled torque are computed from the same measured positions. Both contain the same noise, so a fit can
-explain noise by noise. Resampling of residuals does not show this. So the recording is simulated: its smooth motion is
-taken as the true one, new encoder noise of the same kind is added, and columns and torque are computed again.
+The gain of an effect is the decrease of the weighted squared residual if the effect is added to the fit. Columns and
+modelled torque are computed from the same measured positions. Both contain the same noise, so a fit can explain noise
+by noise. Resampling of residuals does not show this. So the recording is simulated: its smooth motion is taken as the
+true one, new encoder noise of the same kind is added, and columns and torque are computed again.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 # Step [rad or m] of an encoder that is practically exact: rounding to it causes no torque.
-_FINE = 1e-12
+_EXACT_STEP = 1e-12
 
 
 @dataclass(frozen=True)
-class Coarse:
+class CoarseJoint:
     """A joint whose readings have larger steps than stated, or than those of other joints if no step is stated.
 
     Attributes:
         row: Index of the joint.
         step: Step of the readings [rad or m].
-        torque: For each log, the spurious in-band torque that rounding causes beyond what the expected step causes,
-            ``(n, nv)``.
-        usual_low_pass: The same torque with the low pass of finer readings (`motion_edge`). The low pass for ``torque``
+        torque: For each log, the spurious in-band torque from rounding, beyond that from rounding to the expected
+            step, ``(n, nv)``.
+        usual_low_pass: The same torque with the low pass for finer readings (`motion_edge`). The low pass of ``torque``
             may have a lower edge, because of the steps.
         coarser: Result of the gate that compared the steps.
     """
@@ -83,7 +83,7 @@ def simulated_log(log: Log, operation: Operation, steps: tuple[float | None, ...
 
 
 def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:
-    """Step of each joint's readings, the largest of all logs; None for a joint without a step in one of the logs."""
+    """Largest step of each joint's readings in any log; None for a joint without a step in one of the logs."""
     out: list[float | None] = []
     for steps in zip(*(log.reading_steps for log in logs), strict=True):
         known = [step for step in steps if step is not None]
@@ -91,7 +91,7 @@ def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:
     return tuple(out)
 
 
-def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> tuple[Coarse, ...]:
+def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> tuple[CoarseJoint, ...]:
     """Joints whose readings have larger steps than expected, and the spurious torque that this causes."""
     robot, out = session.robot, []
     for j, step in enumerate(steps):
@@ -104,15 +104,15 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
         if not coarser.passed:
             continue
         # The encoders of the other joints are taken as exact.
-        alone = tuple(step if k == j else _FINE for k in range(robot.nv))
-        # Only the rounding beyond that of the expected step counts. Its variance is the difference of the variances.
+        only_this = tuple(step if k == j else _EXACT_STEP for k in range(robot.nv))
+        # Only the variance of the rounding error beyond that of the expected step counts.
         share = float(np.sqrt(1.0 - min((expected / step) ** 2, 1.0)))
         pairs = tuple(zip(session.logs, columns.operations, strict=True))
-        torque = tuple(share * _rounding_torque(log, motion, alone) for log, motion in pairs)
+        torque = tuple(share * _rounding_torque(log, motion, only_this) for log, motion in pairs)
         usual = tuple(
-            share * _rounding_torque(replace(log, position_edges=None), motion, alone) for log, motion in pairs
+            share * _rounding_torque(replace(log, position_edges=None), motion, only_this) for log, motion in pairs
         )
-        out.append(Coarse(j, step, torque, usual, coarser))
+        out.append(CoarseJoint(j, step, torque, usual, coarser))
     return tuple(out)
 
 
@@ -123,7 +123,7 @@ def _rounding_torque(log: Log, operation: Operation, steps: tuple[float | None, 
 
 
 def _step_of_others(robot: Robot, steps: tuple[float | None, ...], j: int) -> float | None:
-    """Median step of the other joints of the same kind (revolute or prismatic); None if most of them have none."""
+    """Median step of the other joints of the same kind (revolute or prismatic); None if most of them have no step."""
     others = [step for k, step in enumerate(steps) if k != j and robot.prismatic[k] == robot.prismatic[j]]
     known = [step for step in others if step is not None]
     return float(np.median(known)) if 2 * len(known) > len(others) else None
@@ -135,7 +135,7 @@ class SimulatedRecordings:
 
     Attributes:
         session: Session with new readings in each log.
-        residual: Residual of the simulated recordings, which is encoder noise alone, for each log ``(n, nv)``.
+        residual: Torque residual of the simulated recordings, due to encoder noise alone, for each log ``(n, nv)``.
     """
 
     session: Session
@@ -164,13 +164,13 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
 
 
 def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
-    """Noise of each row (one joint's torque): the estimate, or the noise of the encoders if the estimate is smaller.
+    """Noise of each row (one joint's torque): the estimate, or the noise of the encoders if that is larger.
 
-    The estimate comes from flexible fits. They explain encoder noise by columns with the same noise, so that the
-    estimate is too small.
+    The estimates come from flexible fits. These explain encoder noise by columns with the same noise, so that an
+    estimate may be too small.
 
     Args:
-        noise: The estimate, for each log ``(n, nv)``.
+        noise: The estimates, for each log ``(n, nv)``.
         encoders: Torque that the noise of the encoders causes, for each log ``(n, nv)``.
         usable: True for samples that are used.
     """
@@ -184,7 +184,7 @@ def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Boo
 def spurious_gains(
     search: Search, simulated: SimulatedRecordings, noise: Series
 ) -> dict[tuple[str, str | None], float]:
-    """In-sample gain of each effect from encoder noise alone; zero if this noise is too small for any claim.
+    """In-sample gain of each effect on each joint from encoder noise alone; zero if it is too small for any claim.
 
     Args:
         search: Problem and candidate effects of the recordings.
@@ -193,9 +193,9 @@ def spurious_gains(
     """
     problem = search.problem
     encoders = whitening_of(problem.columns, noise).series(simulated.residual)
-    energy = float(squares_by_row(encoders, problem.columns.usable) @ problem.weights.per_sample)
-    # No effect can gain more than the weighted sum of squares of all noise.
-    if energy < above_chance.LEAST_GAIN:
+    largest_gain = float(squares_by_row(encoders, problem.columns.usable) @ problem.weights.per_sample)
+    # No effect can gain more than the weighted sum of squares of all encoder noise.
+    if largest_gain < above_chance.LEAST_GAIN:
         return dict.fromkeys((term.effect_joint for term in search.terms), 0.0)
     null = _null_problem(problem, simulated, noise)
     gains = gains_if_added(null, fit(null, (), held_out=False), {term.columns for term in search.terms})
@@ -206,14 +206,13 @@ def spurious_gains(
 
 
 def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Series) -> Problem:
-    """The fitting problem of the simulated recordings, for fits that hold out no blocks.
+    """The fitting problem of the simulated recordings, for fits without held-out blocks.
 
-    Columns are computed for one log at a time. Those of all logs together would take as much memory as the columns of
-    the original recordings.
+    To save memory, columns are computed for one log at a time.
     """
     columns, values = columns_by_log(simulated.session, problem.columns)
     filters, (white, _) = whitening_of(columns, noise), whitened(columns, noise)
-    # All blocks that fits may see become one fold. Blocks that no fit may see keep -1.
+    # All blocks that fits may use become one fold. Blocks that no fit may use keep -1.
     session = replace(problem.session, folds=np.minimum(problem.session.folds, 0))
     rows: tuple[RowGrams, ...] = ()
     for log in range(len(session.logs)):
@@ -222,20 +221,20 @@ def _null_problem(problem: Problem, simulated: SimulatedRecordings, noise: Serie
         own = filters.columns(values(log), log)
         alone = replace(white, values=(own,), residual=white.residual[one], usable=white.usable[one])
         more = map(_without_cores, all_row_grams(alone, blocks, session.folds[of_log], problem.weights))
-        rows = tuple(map(_added, rows, more)) if rows else tuple(more)
+        rows = tuple(map(_joined, rows, more)) if rows else tuple(more)
     return set_up(session, columns, white, problem.weights, rows)
 
 
 def _without_cores(row: RowGrams) -> RowGrams:
     """Products of one row without those over the core of each block, because only held-out fits need these."""
-    # `row.a` has the products of each fold, and last those of the blocks that no fit may see. For a log with only such
-    # blocks, it has no fold: the products of the one fold are then zero.
-    seen = row.a if len(row.a) > 1 else np.concatenate([np.zeros_like(row.a), row.a])
-    return replace(row, a=seen.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
+    # `row.a` has the products of each fold, and last those of the blocks that no fit may use. For a log with only such
+    # blocks the fold is missing, and its products are zero.
+    with_fold = row.a if len(row.a) > 1 else np.concatenate([np.zeros_like(row.a), row.a])
+    return replace(row, a=with_fold.copy(), core_a=np.empty((0, *row.core_a.shape[1:])))
 
 
-def _added(first: RowGrams, second: RowGrams) -> RowGrams:
-    """Products of one row over the logs of both arguments together."""
+def _joined(first: RowGrams, second: RowGrams) -> RowGrams:
+    """Products of one row over the logs of both arguments."""
     joined = {
         name: np.concatenate([getattr(first, name), getattr(second, name)])
         for name in ("b", "c", "core_a", "core_b", "core_c", "count")

@@ -1,8 +1,8 @@
 """Noise of each joint's torque residual: the part that no flexible fit predicts on held-out blocks.
 
 A flexible fit is a ridge regression on many columns and on random features of the joint's state. A row is one joint's
-torque. Fits use a wide frequency band; the judged band is its lower part, in which the corrected model is judged. The
-noise floor of a joint is the root mean square of its noise in the judged band.
+torque. Fits use a wide frequency band. The corrected model is judged in its lower part, the judged band. The noise
+floor of a joint is the root mean square of its noise in the judged band.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from identification.engine.numerics.two_threads import in_two_threads
 from identification.engine.products.grams import Weights
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-# Flexible fits are made `_WEIGHED` times, each time with weights from the error of the last fits. They are made only
-# once if the square roots of all weights are above `_EQUAL`.
-_WEIGHED, _EQUAL = 2, 0.95
+# Flexible fits are made `_WEIGHTED_ROUNDS` times, each time with weights from the error of the last fits. They are made
+# only once if the square roots of all weights are above `_NEARLY_EQUAL`.
+_WEIGHTED_ROUNDS, _NEARLY_EQUAL = 2, 0.95
 
 
 def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """Part of each joint's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
-    Each joint's residual is predicted by five models, each with more features than the last: the given model alone,
-    laws of the motion, tolerance parameters and other linear laws, all columns, and all columns with random features.
-    The noise is the error of the best model on held-out blocks. A model with fewer features may be the best: in a short
-    recording, hundreds of columns predict worse than twenty. Most noise is above the judged band, and a model that
-    predicts a little of it may be bad inside the band. So the best model is chosen separately for both bands.
+    Five models predict each joint's residual, each with more features than the last: the given model alone, laws of the
+    motion, tolerance parameters and other linear laws, all columns, and all columns with random features. The noise is
+    the error of the best model on held-out blocks. A model with few features may be the best: in a short recording,
+    hundreds of columns predict worse than twenty. Most noise is above the judged band, and a model that predicts a
+    little of it may be bad inside the band. So the best model is chosen separately for both bands.
 
     Returns:
         Error of the best model in the whole band, and error of the best one in the judged band.
@@ -46,16 +46,16 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
         """Error of the best model of one row in the whole band, and error of the best one in the judged band."""
         use = [usable[:, j] for usable in columns.usable]
         y = [np.where(u, residual[:, j], 0.0) for residual, u in zip(columns.residual, use, strict=True)]
-        order, steps = _plain_first(columns, j)
+        order, counts = _plain_first(columns, j)
         plain = [values[j][:, order] for values in columns.values]
         rich = [
             np.column_stack([x, state_features(columns, log, k, j)])
             for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
         # Numbers of leading features in the models between the given model and the one with all features.
-        first = (*steps, plain[0].shape[1])
+        first = (*counts, plain[0].shape[1])
         whole, judged = y, y
-        for _ in range(_WEIGHED):
+        for _ in range(_WEIGHTED_ROUNDS):
             roots = root_weights(columns, whole, j)
             whole, judged = y, y
             smallest, smallest_judged = _weighted_rms(y, use, roots), _rms_in_judged_band(session, y, use, roots)
@@ -71,7 +71,7 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
                     whole, smallest = error, size
                 if size_judged < smallest_judged:
                     judged, smallest_judged = error, size_judged
-            if min(float(root.min(initial=1.0)) for root in roots) > _EQUAL:
+            if min(float(root.min(initial=1.0)) for root in roots) > _NEARLY_EQUAL:
                 break
         return whole, judged
 
@@ -81,17 +81,18 @@ def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     return whole, judged
 
 
-def quieter_in_band(
+def smaller_noise_in_band(
     session: Session, columns: Columns, noise: Series, in_band: Series, least: Float[Array, " nv"]
 ) -> Series:
     """Noise of each joint from the one of two estimates that is smaller in the judged band.
 
     Args:
-        session: Recordings and their band.
-        columns: Which samples are usable.
+        session: Recordings and their judged band.
+        columns: Columns with the usable samples.
         noise: The first estimate, which is best in the whole band.
         in_band: The second estimate, which is best in the judged band.
-        least: Torque from encoder noise in the judged band, rms [N m or N]. A second estimate below it is not used.
+        least: Torque from encoder noise in the judged band, rms of each joint [N m or N]. A second estimate below it is
+            not used.
     """
     out = [part.copy() for part in noise]
     for j in range(len(columns.rows)):
@@ -110,35 +111,36 @@ def _rms_in_judged_band(
     use: Sequence[Bool[Array, " n"]],
     roots: Sequence[Float[Array, " n"]],
 ) -> float:
-    """Root mean square of the usable samples of one row in the judged band, each times the root of its weight."""
+    """Root mean square of a row's usable samples in the judged band, each multiplied by the root of its weight."""
     return _weighted_rms([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use, roots)
 
 
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
-    """Order of a row's columns from plain to rich, and the numbers of columns up to the first and the second step.
+    """Order of a row's columns in three groups, from plain to rich, and the counts up to the end of the first two.
 
-    The first step has laws whose columns depend only on the recorded motion, such as friction and couplings. The second
-    step has the tolerance parameters and the other laws without a shape (a nonlinear parameter). All others come last.
+    The first group has laws whose columns depend only on the recorded motion, such as friction and couplings. The
+    second has the tolerance parameters and the other laws without a shape (a nonlinear parameter). The third has all
+    others.
     """
-    step = dict.fromkeys(range(len(columns.tolerance_parameters)), 1)
+    group = dict.fromkeys(range(len(columns.tolerance_parameters)), 1)
     for term in columns.terms:
         effect = term.effect
         if not term.named or effect.inertial is not None:
             continue
         of_motion = not (effect.follows_model or effect.follows_torque or effect.scales_joint)
         if of_motion and (effect.scope == "pair" or not term.shape):
-            step |= dict.fromkeys(term.columns, 0)
+            group |= dict.fromkeys(term.columns, 0)
         elif not term.shape:
-            step |= dict.fromkeys(term.columns, 1)
-    place = np.array([step.get(column, 2) for column in columns.rows[row]])
-    return np.argsort(place, kind="stable"), (int((place == 0).sum()), int((place <= 1).sum()))
+            group |= dict.fromkeys(term.columns, 1)
+    groups = np.array([group.get(column, 2) for column in columns.rows[row]])
+    return np.argsort(groups, kind="stable"), (int((groups == 0).sum()), int((groups <= 1).sum()))
 
 
 def weights_of(white: Columns, noise: Series) -> Weights:
     """Weights of squared residuals, from rms and autocorrelation time of each joint's noise after whitening.
 
-    A noise of exactly zero (a simulated robot without noise) would make a weight infinite. So the root mean square is
-    at least a millionth of the standard deviation of the modelled torque.
+    Without noise, as in a simulation, a weight would be infinite. So the root mean square is at least a millionth of
+    the standard deviation of the modelled torque.
     """
     rows = len(white.rows)
     floor, spread = np.zeros(rows), np.ones(rows)
@@ -151,7 +153,7 @@ def weights_of(white: Columns, noise: Series) -> Weights:
 
 
 def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Array, " nv"]:
-    """Noise floor of each joint in the judged band: root mean square [N m or N]; above zero even without any sample."""
+    """Root mean square of each joint's noise in the judged band [N m or N]; above zero even without any sample."""
     narrow, rows = session.in_judged_band(noise), range(len(columns.rows))
     own = [rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]) for j in rows]
     return np.maximum(own, least_noise(columns))
@@ -160,7 +162,7 @@ def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Arra
 def _weighted_rms(
     parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]], roots: Sequence[Float[Array, " n"]]
 ) -> float:
-    """Root mean square of the usable samples of one row, each times the root of its weight."""
+    """Root mean square of a row's usable samples, each multiplied by the root of its weight."""
     return rms([(part * root)[u] for part, u, root in zip(parts, use, roots, strict=True)])
 
 
@@ -171,7 +173,7 @@ def rms(parts: list[Float[Array, " n"]]) -> float:
 
 
 def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tuple[Series, float]:
-    """Noise of each joint: the held-out residual of the chosen effects, if it is smaller than the given noise.
+    """Noise of each joint: the held-out residual of a fit of the chosen effects if it is smaller than the given noise.
 
     The given noise may be too large: it is the error of flexible fits, which overfit short recordings.
 
@@ -194,14 +196,14 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
     return tuple(out), ratio
 
 
-def noise_without(
+def noise_without_remainder(
     search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: Series
 ) -> tuple[Series, float]:
-    """Noise without the remainder of effects that are in ``tried`` but not in ``chosen``.
+    """Noise minus the part that belongs to effects in ``tried`` but not in ``chosen``.
 
-    Flexible fits with many columns do not predict an effect in full on held-out blocks, and the remainder of the effect
-    counts as noise. The remainder is estimated as a share of the held-out torque of the effect, by least squares on
-    the whitened noise.
+    Flexible fits with many columns do not predict an effect in full on held-out blocks, so the remainder of the effect
+    counts as noise. Least squares on the whitened noise estimate the remainder as a share of the effect's held-out
+    torque.
 
     Returns:
         The noise, and the decrease of the weighted sum of squares of the whitened noise.

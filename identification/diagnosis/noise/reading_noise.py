@@ -17,10 +17,11 @@ from identification.data.log import Log
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.random_streams import random_stream
 
-_ORDERS = (2, 3, 4, 6)  # orders of differences: a higher one removes more of the motion; the smallest noise is taken
-_FEWEST = 50  # smallest number of readings from which a noise is estimated; with fewer it is unknown
-# A step is wrong if the differences of readings would be more than this many times as large after rounding to it.
-_COARSER = 1.5
+# Orders of the differences. A higher one removes more of the motion. The smallest of their noise estimates is used.
+_ORDERS = (2, 3, 4, 6)
+_FEWEST_READINGS = 50  # smallest number of readings from which a noise is estimated; with fewer it is unknown
+# A step is wrong if rounding the smooth motion to it makes its differences this many times those of the readings.
+_TOO_COARSE = 1.5
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class ReadingNoise:
 
         Args:
             q: True positions [rad or m].
-            rng: Draws the noise, and the zero of the encoder.
+            rng: Draws the noise, and the position of the encoder's zero.
         """
         error = self.white * rng.normal(size=len(q))
         if self.step == 0.0:
@@ -52,22 +53,22 @@ class ReadingNoise:
 def reading_noise(log: Log, row: int) -> ReadingNoise | None:
     """Noise of a joint's position readings in a log; None without raw readings.
 
-    The white noise is computed from the power of the readings' differences, minus that of the smooth motion after
-    rounding to the same steps.
+    The power of the white noise is that of the readings' differences, minus that of the differences of the smooth
+    motion after rounding to the same steps.
 
     Args:
         log: A recording at its full rate.
         row: Index of the joint.
     """
-    if log.raw_q is None or int(log.valid.sum()) < _FEWEST:
+    if log.raw_q is None or int(log.valid.sum()) < _FEWEST_READINGS:
         return None
     seen = white_part(log.raw_q[:, row], log.valid)
     step = (log.reading_steps[row] if log.reading_steps else None) or 0.0
     smooth = log.motion.q[:, row]
     rounding = ReadingNoise(0.0, step).errors(smooth, random_stream("rounding of a smooth motion"))
     rounded = white_part(smooth + rounding, log.valid)
-    if rounded > _COARSER * seen:
-        # The step is too coarse for these readings. A joint at rest has so few levels that they fit any step.
+    if rounded > _TOO_COARSE * seen:
+        # The step is too coarse for these readings. A joint at rest has few different readings, which fit many steps.
         return ReadingNoise(seen, 0.0)
     return ReadingNoise(float(np.sqrt(max(seen**2 - rounded**2, 0.0))), float(step))
 

@@ -16,25 +16,25 @@ from identification.diagnosis.columns.session import Series, Session
 from identification.engine.autocorrelation import autocorrelation_time
 from phantom_dyn.array_types import Array, Bool, Float
 
-_MOST = 6  # largest number of repetitions compared for a pair of recordings
-# Two stretches are different motions if the sum of squares of the difference of their velocities exceeds this share of
-# the sum of squares of both velocities.
-_UNLIKE = 0.5
+_MOST_REPETITIONS = 6  # largest number of repetitions compared for a pair of recordings
+# Two stretches are different motions if the sum of squares of their velocity difference exceeds this share of the sum
+# of squares of both velocities.
+_DIFFERENT_MOTION = 0.5
 # Smallest sum of squares of the velocities in two overlapping stretches, as a share of that of the weaker recording.
 _LEAST_OVERLAP = 0.1
 _WINDOW = 0.5  # time [s] over which two stretches have to agree
-_SLOW = 0.01  # a joint whose usual velocity is below this share of the fastest joint's is not compared
-# Smallest number of independent differences: with fewer the noise is uncertain by more than a sixth, and not estimated.
-_LEAST = 20.0
+_SLOW_JOINT = 0.01  # a joint whose usual velocity is below this share of the fastest joint's is not compared
+# Smallest number of independent differences. With fewer the noise is uncertain by more than a sixth, and not estimated.
+_FEWEST_DIFFERENCES = 20.0
 # A drive with a loose controller repeats its motion to some per cent only. Two such motions are compared if their
-# velocities differ by at most the share `_LOOSELY`. The error of the model differs between them, too. So the comparison
-# counts only if this difference is less than the share `_OF_MODEL` of the estimated noise.
-_LOOSELY, _OF_MODEL = 0.1, 1.0 / 3.0
-_PLACES = 41  # number of shifts between -1 and 1 sample that are tried
+# velocities differ by at most the share `_LOOSE_DIFFERENCE`. The error of the model differs between them, too. So the
+# comparison is used only if this difference is less than the share `_MODEL_ERROR_SHARE` of the estimated noise.
+_LOOSE_DIFFERENCE, _MODEL_ERROR_SHARE = 0.1, 1.0 / 3.0
+_SHIFTS = 41  # number of shifts between -1 and 1 sample that are tried
 
 
 @dataclass(frozen=True)
-class Repeated:
+class RepetitionNoise:
     """Estimated noise of one joint's torque: root mean square of the part that does not repeat.
 
     Attributes:
@@ -46,9 +46,9 @@ class Repeated:
     error: float
 
 
-def repeated_noise(
+def repetition_noise(
     session: Session, residual: Series, usable: tuple[Bool[Array, "n nv"], ...], counts: Series | None = None
-) -> tuple[Repeated | None, ...]:
+) -> tuple[RepetitionNoise | None, ...]:
     """Noise of each joint's torque in the judged band; None for a joint whose motion does not repeat.
 
     Half the mean square of the difference between two repetitions is the variance of the noise. The error of a model
@@ -56,8 +56,8 @@ def repeated_noise(
     controller or surroundings are not compared with each other.
 
     Args:
-        session: Recordings and their band.
-        residual: Torque residual of each log in the judged band.
+        session: Recordings and their judged band.
+        residual: Torque residual of each log in the judged band [N m or N].
         usable: True for samples that are used, for each log.
         counts: Weight of each sample for motions that repeat only loosely; None if such motions are not compared.
     """
@@ -69,15 +69,15 @@ def repeated_noise(
         for j in range(rows):
             use = agree & usable[first][part, j] & usable[second][other, j]
             differences[j].append((residual[first][part, j] - residual[second][other, j], use.astype(float)))
-    strictly = [_repeated(parts) for parts in differences]
+    strictly = [_noise_of_differences(parts) for parts in differences]
     if counts is None or all(one is not None for one in strictly):
         return tuple(strictly)
-    loosely = _loosely_repeated(session, residual, counts)
+    loosely = _noise_of_loose_repetitions(session, residual, counts)
     return tuple(other if one is None else one for one, other in zip(strictly, loosely, strict=True))
 
 
-def _loosely_repeated(session: Session, residual: Series, counts: Series) -> list[Repeated | None]:
-    """Noise of each joint from recordings of the same reference, whose motions agree to some per cent; else None."""
+def _noise_of_loose_repetitions(session: Session, residual: Series, counts: Series) -> list[RepetitionNoise | None]:
+    """Noise of each joint from recordings whose motions agree to some per cent; None for a joint with too few."""
     rows, logs = len(session.robot.joint_names), session.logs
     if session.differences != ALIKE:
         return [None] * rows
@@ -95,9 +95,9 @@ def _loosely_repeated(session: Session, residual: Series, counts: Series) -> lis
         of_model = np.maximum(of_model, unlike * residual_rms)
         for j in range(rows):
             differences[j].append((residual[first][samples, j] - other[:, j], weight[:, j]))
-    out = [_repeated(parts) for parts in differences]
+    out = [_noise_of_differences(parts) for parts in differences]
     return [
-        one if one is not None and most < _OF_MODEL * one.value else None
+        one if one is not None and most < _MODEL_ERROR_SHARE * one.value else None
         for one, most in zip(out, of_model, strict=True)
     ]
 
@@ -108,32 +108,32 @@ def _aligned(first: Log, second: Log) -> tuple[Array, Array, Array, float] | Non
     The samples of the second log are at times between those of the first, and its rate may be different.
 
     Returns:
-        Indices of samples of the first log; their places in the second log, as indices with fractions; True where both
+        Indices of samples of the first log; their places in the second log, as fractional indices; True where both
         motions agree; and the relative difference of the velocities, as a root mean square.
     """
     rates = first.band.output_rate_hz, second.band.output_rate_hz
     v, w = _velocity(first), _velocity(second)
     usual = _usual_velocity(v, w)
-    moves = usual > _SLOW * usual.max()
+    moves = usual > _SLOW_JOINT * usual.max()
     # Smallest relative difference of the velocities, and its shift in samples of the second log.
     best = (np.inf, 0.0)
     places = np.arange(len(v)) * rates[1] / rates[0]
-    for shift in np.linspace(-1.0, 1.0, _PLACES):
+    for shift in np.linspace(-1.0, 1.0, _SHIFTS):
         inside = (places + shift >= 0) & (places + shift <= len(w) - 1)
         other = _interpolated(w, (places + shift)[inside])
         unlike = float(np.sqrt(np.mean(((v[inside] - other)[:, moves] / usual[moves]) ** 2)))
         best = min(best, (unlike, float(shift)))
-    if best[0] > _LOOSELY:
+    if best[0] > _LOOSE_DIFFERENCE:
         return None
     inside = (places + best[1] >= 0) & (places + best[1] <= len(w) - 1)
     samples, places = np.flatnonzero(inside), (places + best[1])[inside]
     q, p = first.motion.q[first.samples][samples], _interpolated(second.motion.q[second.samples], places)
     difference = _difference(q, p, v[samples] - _interpolated(w, places), usual, rates[0])
-    return samples, places, difference < _LOOSELY**2, best[0]
+    return samples, places, difference < _LOOSE_DIFFERENCE**2, best[0]
 
 
 def _interpolated(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array, "m k"]:
-    """A series at indices with fractions, by the cubic polynomial through the four nearest samples."""
+    """A series at fractional indices, by the cubic polynomial through the four nearest samples."""
     k = np.clip(np.floor(at).astype(int), 1, len(x) - 3)
     u = (at - k)[:, None]
     a, b, c, d = (x[k + shift] for shift in (-1, 0, 1, 2))
@@ -145,8 +145,8 @@ def _interpolated(x: Float[Array, "n k"], at: Float[Array, " m"]) -> Float[Array
     )
 
 
-def _repeated(parts: list[tuple[Array, Array]]) -> Repeated | None:
-    """Noise of one repetition, from differences of two and their weights; None with too few independent differences."""
+def _noise_of_differences(parts: list[tuple[Array, Array]]) -> RepetitionNoise | None:
+    """Noise of a torque, from weighted differences of repetitions; None with too few independent differences."""
     independent, squares, count = 0.0, 0.0, 0.0
     for difference, weight in parts:
         used = weight > 0
@@ -155,13 +155,13 @@ def _repeated(parts: list[tuple[Array, Array]]) -> Repeated | None:
             # Unequal weights and autocorrelation both reduce the number of independent differences.
             independent += float(own.sum() ** 2 / np.sum(own**2)) / autocorrelation_time(difference[used])
             squares, count = squares + float(own @ difference[used] ** 2), count + float(own.sum())
-    if independent < _LEAST:
+    if independent < _FEWEST_DIFFERENCES:
         return None
-    return Repeated(float(np.sqrt(0.5 * squares / count)), float(np.sqrt(0.5 / independent)))
+    return RepetitionNoise(float(np.sqrt(0.5 * squares / count)), float(np.sqrt(0.5 / independent)))
 
 
 def repetitions(session: Session) -> list[tuple[int, int, int]]:
-    """Repetitions: indices of two logs (or of one log twice), and the lag of the second motion in samples."""
+    """Repeated motions: indices of two logs (or of one log twice), and the lag of the second motion in samples."""
     found = []
     for (first, log), (second, other) in combinations_with_replacement(enumerate(session.logs), 2):
         same_rate = np.isclose(log.band.output_rate_hz, other.band.output_rate_hz)
@@ -171,7 +171,7 @@ def repetitions(session: Session) -> list[tuple[int, int, int]]:
 
 
 def _velocity(log: Log) -> Float[Array, "n nv"]:
-    """Velocity at the in-band samples of a log."""
+    """Joint velocities at the in-band samples of a log [rad/s or m/s]."""
     return log.motion.v[log.samples]
 
 
@@ -198,12 +198,12 @@ def _lags(first: Log, second: Log, *, same_recording: bool) -> list[int]:
     if same_recording:
         # A recording resembles itself at small lags without a repetition. So only lags beyond the first one at which it
         # is unlike itself are used.
-        far = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
+        far = np.flatnonzero((lags > 0) & (unlike > _DIFFERENT_MOTION))
         unlike = np.where(lags < (lags[far[0]] if len(far) else np.inf), 1.0, unlike)
     # The lags at local minima of `unlike`.
     around = np.pad(unlike, 1, constant_values=1.0)
-    best = np.flatnonzero((unlike < around[:-2]) & (unlike <= around[2:]) & (unlike <= _UNLIKE))
-    best = sorted(best, key=lambda k: unlike[k])[:_MOST]
+    best = np.flatnonzero((unlike < around[:-2]) & (unlike <= around[2:]) & (unlike <= _DIFFERENT_MOTION))
+    best = sorted(best, key=lambda k: unlike[k])[:_MOST_REPETITIONS]
     return [int(lags[k]) for k in best]
 
 
@@ -240,7 +240,7 @@ def _difference(
         usual: Usual velocity of each joint, to which ``dv`` is relative. Joints that are nearly still are not compared.
         rate: Samples per second [Hz].
     """
-    moves = usual > _SLOW * usual.max()
+    moves = usual > _SLOW_JOINT * usual.max()
     q, p, dv = q[:, moves], p[:, moves], dv[:, moves] / usual[moves]
     travel = np.maximum(np.ptp(q, axis=0), 1e-12)
     largest = np.maximum(dv**2, ((q - p) / travel) ** 2).max(axis=1)

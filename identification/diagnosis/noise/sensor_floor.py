@@ -2,11 +2,11 @@
 
 The judged band, also called the band of the motion, has the low frequencies in which the corrected model is judged. New
 encoder noise is drawn for the smooth motion and propagated through derivatives, model and filters. The noise of the
-torque is assumed to be white. Its density (power per hertz) is measured above the judged band, where hardly any motion
-is. It is the smaller of two densities: that of the torque readings (a commanded torque has none), and that of
-the measured minus the modelled torque (the balance). If the density of the balance rises towards the judged band, the
-noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. The same holds
-for torques that are read in coarse steps: the error of rounding is constant while the torque stays within a step. No
+torque is assumed to be white. Its density (power per hertz) is measured above the judged band, where there is hardly
+any motion. It is the smaller of two densities: that of the noise in the torque readings (a commanded torque has none),
+and that of measured minus modelled torque (the balance). If the density of the balance rises towards the judged band,
+the noise is not white, and may be larger inside the band than above it. Then only an upper limit is known. The same
+holds for torques that are read in coarse steps: the rounding error is constant while the torque stays within a step. No
 fitted model and no flexible predictor is used, because a torque that these do not predict need not be noise.
 """
 
@@ -29,7 +29,7 @@ from identification.diagnosis.noise.balance_noise import (
     rising_density,
 )
 from identification.diagnosis.noise.certain_samples import root_weights
-from identification.diagnosis.noise.discrepancy import shown_error
+from identification.diagnosis.noise.discrepancy import earlier_model_error
 from identification.diagnosis.noise.reading_noise import ReadingNoise, reading_noise
 from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from phantom_dyn.array_types import Array, Bool, Float
@@ -38,11 +38,12 @@ from phantom_dyn.effects.support.encoder_lattice import reading_step
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
-# Noise of each joint's position readings in each log; None where it is not known.
+# Noise of each joint's position readings in each log; None where it is unknown.
 Readings = tuple[tuple[ReadingNoise | None, ...], ...]
 
 _DENSITY_UNCERTAINTY = 1.25  # largest factor between estimated and true density (benchmarks/noise_floor.py)
-_MOSTLY = 0.5  # steps are coarse if more readings repeat the one before; noise of half a step leaves fewer repeats
+# Torque steps are coarse if more than this share of the readings equal the one before.
+_REPEATED_SHARE = 0.5  # noise of half a step leaves fewer equal readings
 _DRAWS = 4  # number of draws of reading errors: with one, their rms torque in a narrow band is uncertain by a tenth
 
 
@@ -55,8 +56,8 @@ class SensorFloor:
         low, high: Interval of the estimate.
         torque: Part from noise of the torque readings or of the drive.
         encoders: Part from noise of the position readings.
-        rising: Upper limit for noise that is not white and whose density may also rise inside the band; zero for white
-            noise.
+        limit_if_rising: Upper limit for noise that is not white and whose density may also rise inside the band; zero
+            for white noise.
     """
 
     value: Float[Array, " nv"]
@@ -64,7 +65,7 @@ class SensorFloor:
     high: Float[Array, " nv"]
     torque: Float[Array, " nv"]
     encoders: Float[Array, " nv"]
-    rising: Float[Array, " nv"]
+    limit_if_rising: Float[Array, " nv"]
 
     @property
     def known(self) -> Bool[Array, " nv"]:
@@ -84,9 +85,9 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
     encoders = _encoders_in_band(session, readings, usable)
     gain = _noise_gain(session)
     value, low, high, torque = np.full((4, robot.nv), np.nan)
-    rising, rounding = np.zeros(robot.nv), _rounding_errors(session)
+    limit, rounding = np.zeros(robot.nv), _rounding_errors(session)
     densities = torque_densities(session, readings, deviations)
-    rises = joints_that_rise(densities)
+    rises = joints_with_rising_noise(densities)
     for j, density in enumerate(densities):
         if density is not None:
             torque[j] = np.sqrt(density.value * gain)
@@ -94,23 +95,23 @@ def sensor_floor(session: Session, usable: tuple[Float[Array, "n nv"], ...], dev
             low[j] = np.hypot(np.sqrt(density.low / _DENSITY_UNCERTAINTY * gain), encoders[j])
             high[j] = np.hypot(np.sqrt(density.high * _DENSITY_UNCERTAINTY * gain), encoders[j])
             if rises[j]:
-                rising[j] = np.hypot(np.sqrt(density.rising * _DENSITY_UNCERTAINTY * gain), encoders[j])
+                limit[j] = np.hypot(np.sqrt(density.limit_if_rising * _DENSITY_UNCERTAINTY * gain), encoders[j])
             high[j] = max(high[j], np.hypot(rounding[j], encoders[j]))
-    return SensorFloor(value, low, high, torque, encoders, rising)
+    return SensorFloor(value, low, high, torque, encoders, limit)
 
 
 def _rounding_errors(session: Session) -> Float[Array, " nv"]:
-    """Root mean square error of torques that are read in coarse steps, so that most readings repeat; 0 for others."""
+    """Root mean square rounding error of each joint's torque readings; zero unless their steps are coarse."""
     out = np.zeros(session.robot.nv)
     for recording in session.recordings:
         for j, torque in enumerate(() if recording.tau is None else recording.tau.T):
-            if np.mean(np.diff(torque) == 0) > _MOSTLY:
+            if np.mean(np.diff(torque) == 0) > _REPEATED_SHARE:
                 out[j] = max(out[j], (reading_step(torque, None) or 0.0) / np.sqrt(12.0))
     return out
 
 
 def _readings_of(session: Session) -> Readings:
-    """Noise of each joint's position readings in each log; None where it is not known."""
+    """Noise of each joint's position readings in each log; None where it is unknown."""
     return tuple(tuple(reading_noise(log, j) for j in range(session.robot.nv)) for log in session.logs)
 
 
@@ -138,7 +139,7 @@ def torque_densities(session: Session, readings: Readings, deviations: float = 2
     return out
 
 
-def joints_that_rise(densities: list[Density | None]) -> list[bool]:
+def joints_with_rising_noise(densities: list[Density | None]) -> list[bool]:
     """True for joints whose noise is not white, but rises towards the band of the motion.
 
     The drives of a robot are alike. So if the noise of most joints rises, that of every joint is assumed to rise.
@@ -153,25 +154,27 @@ def _balance_density(bands: list[SubBand], judged_hz: float, seconds: float, dev
     density = balance_noise(bands, deviations)
     if density is None:
         return None
-    rises, rising = rising_density(bands, judged_hz, 1.0 / seconds, deviations)
-    return replace(density, rises=rises, rising=rising)
+    rises, limit = rising_density(bands, judged_hz, 1.0 / seconds, deviations)
+    return replace(density, rises=rises, limit_if_rising=limit)
 
 
 def _smaller_density(of_readings: Density | None, balance: Density | None) -> Density | None:
     """The smaller of two estimates, each of which may be too large; None if both are unknown.
 
     Jumps of friction increase the density of the readings, errors of the model increase that of the balance. If encoder
-    noise dominates the balance, the result is the density of the readings, limited to the upper end of the balance.
+    noise dominates in the balance, the result is the density of the readings, but at most the upper end for the
+    balance.
 
     Args:
         of_readings: Density of the torque readings.
         balance: Density of measured minus modelled torque.
     """
-    if of_readings is not None and balance is not None and balance.may_be_nothing:
+    if of_readings is not None and balance is not None and balance.only_high_known:
         return Density(min(of_readings.value, balance.high), balance.low, balance.high)
     if of_readings is None or balance is None:
         return of_readings or balance
-    return replace(min(of_readings, balance, key=lambda one: one.value), rises=balance.rises, rising=balance.rising)
+    smaller = min(of_readings, balance, key=lambda one: one.value)
+    return replace(smaller, rises=balance.rises, limit_if_rising=balance.limit_if_rising)
 
 
 def _mean_density(each: list[Density | None], weights: list[float]) -> Density | None:
@@ -179,16 +182,16 @@ def _mean_density(each: list[Density | None], weights: list[float]) -> Density |
     known = [(one, weight) for one, weight in zip(each, weights, strict=True) if one is not None]
     if not known:
         return None
-    values = [(one.value, one.low, one.high, one.rising) for one, _ in known]
-    value, low, high, rising = np.average(values, axis=0, weights=[weight for _, weight in known]).tolist()
-    nothing, rises = all(one.may_be_nothing for one, _ in known), any(one.rises for one, _ in known)
-    return Density(value, low, high, nothing, rises, rising)
+    values = [(one.value, one.low, one.high, one.limit_if_rising) for one, _ in known]
+    value, low, high, limit = np.average(values, axis=0, weights=[weight for _, weight in known]).tolist()
+    only_high_known, rises = all(one.only_high_known for one, _ in known), any(one.rises for one, _ in known)
+    return Density(value, low, high, only_high_known, rises, limit)
 
 
 def _encoders_in_band(
     session: Session, readings: Readings, usable: tuple[Float[Array, "n nv"], ...]
 ) -> Float[Array, " nv"]:
-    """Root mean square, in the judged band, of the spurious torque from errors of the position readings, ``(nv,)``."""
+    """Rms spurious torque of each joint in the judged band from errors of the position readings, ``(nv,)``."""
     squares, counts = np.zeros(session.robot.nv), np.zeros(session.robot.nv)
     rng = random_stream("motions that are read once more")
     for k, (log, own) in enumerate(zip(session.logs, readings, strict=True)):
@@ -233,7 +236,7 @@ def _noise_gain(session: Session) -> float:
 
 
 def sensed_noise(session: Session, columns: Columns, unpredicted: Series) -> Series:
-    """Random noise of each log's torque, ``(n, nv)``, as the sensors make it; zero where a sample is not usable.
+    """One draw of the sensors' noise in each log's torque, ``(n, nv)``; zero where a sample is not usable.
 
     It is the sum of white noise of the torque and spurious torque from errors of the position readings. Both are zero
     for a joint whose recording does not show the noise of its torque. Errors of the model that were found in another
@@ -245,7 +248,7 @@ def sensed_noise(session: Session, columns: Columns, unpredicted: Series) -> Ser
 
     Args:
         session: Recordings at their full rate, and their judged band.
-        columns: Which samples are usable.
+        columns: Columns with the usable samples.
         unpredicted: Part of each joint's residual that no model predicts on held-out blocks in the judged band.
     """
     robot, rng = session.robot, random_stream("noise of the sensors")
@@ -266,7 +269,7 @@ def sensed_noise(session: Session, columns: Columns, unpredicted: Series) -> Ser
 
 
 def _share_in_band(session: Session, columns: Columns, white: Series, unpredicted: Series) -> Float[Array, " nv"]:
-    """Factor, at most one, that limits each joint's white noise in the judged band to the unpredicted noise."""
+    """Factor, at most one, that limits each joint's white noise in the judged band to the unpredicted residual."""
     weights = [root_weights(columns, [part[:, j] for part in unpredicted], j) for j in range(white[0].shape[1])]
     squares = []
     for series in (white, unpredicted):
@@ -279,8 +282,8 @@ def _share_in_band(session: Session, columns: Columns, white: Series, unpredicte
 
 
 def _model_error_noise(session: Session, log: int) -> Float[Array, "n nv"]:
-    """A random torque in the judged band whose standard deviation is the known error of the model."""
-    error, own = shown_error(session, log), session.logs[log]
+    """A random torque in the judged band with the standard deviation of the model error from an earlier diagnosis."""
+    error, own = earlier_model_error(session, log), session.logs[log]
     if not error.any():
         return np.zeros((len(own.samples), error.shape[1]))
     white = random_stream("errors of the model").normal(size=error.shape)

@@ -16,12 +16,15 @@ from identification.diagnosis import decision_rules as rules
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.signals.spectra import cross_density, power_density
 
-_BANDS = 4  # number of parts of the band above the motion
-_TAIL = 2  # index of the first part of the upper half of the band, in which the noise has to be white
+_PARTS = 4  # number of parts of the band above the motion
+_UPPER_HALF = 2  # index of the first part of the upper half of this band, in which the noise has to be white
 _LEAST_BINS = 4  # smallest number of bins of a spectrum in each part; with fewer the noise is unknown
-_SEGMENTS = 16  # smallest number of half-overlapping segments over which a spectrum is averaged: with fewer it is rough
-ABOVE_MOTION = 1.5  # lowest frequency used, as a multiple of the edge of the band: hardly any motion is above it
-_TOP = 0.4  # highest frequency used, as a share of the rate: above, aligning a held torque attenuates too much
+# Smallest number of half-overlapping segments over which a spectrum is averaged. With fewer it is too uncertain.
+_SEGMENTS = 16
+# Lowest frequency used, as a multiple of the edge of the band of the motion: hardly any motion is above it.
+ABOVE_MOTION = 1.5
+# Highest frequency used, as a share of the sample rate. Above it, aligning a held torque attenuates too much.
+_HIGHEST_FREQUENCY = 0.4
 
 
 @dataclass(frozen=True)
@@ -31,27 +34,27 @@ class Density:
     Attributes:
         value: Estimate.
         low, high: Interval of the estimate.
-        may_be_nothing: True if only ``high`` is known. Then ``value`` is a guess between zero and ``high``.
+        only_high_known: True if only ``high`` is known. Then ``value`` is a guess between zero and ``high``.
         rises: True if the density rises towards the band of the motion, so that the noise is not white.
-        rising: Upper limit of the mean density in the judged band, for noise whose density also rises there.
+        limit_if_rising: Upper limit of the mean density in the judged band if the density rises there, too.
     """
 
     value: float
     low: float
     high: float
-    may_be_nothing: bool = False
+    only_high_known: bool = False
     rises: bool = False
-    rising: float = 0.0
+    limit_if_rising: float = 0.0
 
 
 def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | None:
     """Power density of the noise in a joint's torque readings; None if the band above the motion does not show it.
 
     Torque that is coherent with the readings of the joint's position is subtracted: a controller responds to the noise
-    and the steps of its encoder, and this torque is real. The rest has to be flat in the upper half of the band, where
-    steps of friction and of references add least power. If the recorder has smoothed the torque, the spectrum falls
-    there, and does not show the noise at lower frequencies. The known loss of power by interpolation between uneven
-    samples is corrected.
+    and the steps of its encoder, and this torque is real. The remaining spectrum has to be flat in the upper half of
+    the band, where steps of friction and of references add least power. If the recorder has smoothed the torque, the
+    spectrum falls there, and does not show the noise at lower frequencies. Interpolation between uneven samples removes
+    power; this known loss is corrected.
 
     Args:
         logs: Recordings at the full rate.
@@ -62,7 +65,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
     if not parts:
         return None
     weights = np.array([weight for _, weight in parts])
-    levels, centres = np.average([part for part, _ in parts], axis=0, weights=weights)[:, _TAIL:]
+    levels, centres = np.average([part for part, _ in parts], axis=0, weights=weights)[:, _UPPER_HALF:]
     if not levels.min() > 0:
         return None
     slope = float(np.log(levels[-1] / levels[0]) / np.log(centres[-1] / centres[0]))
@@ -74,7 +77,7 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
 def _densities_above_motion(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
     """Mean power density and centre [Hz] of each part of the band above the motion, and the number of samples."""
     rate, tau = log.band.rate_hz, log.tau[:, row]
-    low, high = ABOVE_MOTION * log.band.cutoff_hz, _TOP * rate
+    low, high = ABOVE_MOTION * log.band.cutoff_hz, _HIGHEST_FREQUENCY * rate
     length = min(1024, len(tau) // (_SEGMENTS // 2))
     if high < 2.0 * low:
         return None
@@ -89,7 +92,7 @@ def _densities_above_motion(log: Log, row: int, *, held: bool) -> tuple[Float[Ar
     power = power / log.noise_gain(f)
     if held:
         power = power / _alignment(f / rate) ** 2
-    edges = low * (high / low) ** (np.arange(_BANDS + 1) / _BANDS)
+    edges = low * (high / low) ** (np.arange(_PARTS + 1) / _PARTS)
     inside = [(f >= a) & (f < b) for a, b in pairwise(edges)]
     if min(int(part.sum()) for part in inside) < _LEAST_BINS:
         return None

@@ -5,8 +5,8 @@ row's noise is white: it has the same power at all frequencies. A sample is cert
 the joint moves.
 
 In a torque residual the power of encoder noise grows with the fourth power of frequency, and that of disturbances
-falls. A narrow band would lose the information of high frequencies about friction. In a wide band the noise at high
-frequencies would hide the information of low frequencies about inertias. A wide band that is whitened keeps both.
+falls. A narrow band would lose what high frequencies show of friction. In a wide band without whitening, the noise at
+high frequencies would hide what low frequencies show of inertias. A wide band with whitening keeps both.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from identification.engine.numerics.two_threads import in_two_threads
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
 _ORDER = 8  # number of samples that predict the next; four are too few for a real servo with a load
-_ROWS = 64  # samples that are filtered at a time
+_SAMPLES_AT_A_TIME = 64  # number of samples that are filtered together: few enough for the processor's cache
 
 
-def noise_law(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> Float[Array, " m"]:
+def row_autocovariance(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -> Float[Array, " m"]:
     """Autocovariance of a row's noise while its joint moves, at lags 0 to `_ORDER`, or at lag 0 alone.
 
     Only lag 0 is estimated if there are too few samples, or if the noise is zero.
@@ -51,27 +51,24 @@ def noise_law(columns: Columns, noise: Sequence[Float[Array, " n"]], row: int) -
 
 
 def autocovariance(e: Sequence[Float[Array, " n"]]) -> Float[Array, " m"]:
-    """Lagged products of one noise, summed over several series, at lags 0 to `_ORDER`.
-
-    The result is ``[1.0]`` if the series are short or zero.
-    """
+    """Lagged products, summed over several series of one noise, at lags 0 to `_ORDER`; ``[1.0]`` if short or zero."""
     lags = np.zeros(_ORDER + 1)
     for part in e:
         own = lagged_products(part)[: _ORDER + 1]
         lags[: len(own)] += own
     if sum(len(part) for part in e) < 20 * _ORDER or lags[0] == 0:
         return np.array([1.0])
-    # A millionth of the variance keeps the equations solvable for noise that has only low frequencies.
+    # An added millionth of the variance keeps the equations solvable for noise that has only low frequencies.
     lags[0] *= 1.0 + 1e-6
     return lags
 
 
-def row_filters(columns: Columns, log: int, row: int, law: Float[Array, " m"]) -> Float[Array, "n m"]:
-    """Filters that whiten the noise of a row of one log; only samples with certain friction predict others."""
-    return prediction_filters(law, certain_samples(columns, log, row, law[0]))
+def row_filters(columns: Columns, log: int, row: int, covariances: Float[Array, " m"]) -> Float[Array, "n m"]:
+    """Filters that whiten a row's noise in one log; only samples with certain friction predict others."""
+    return prediction_filters(covariances, certain_samples(columns, log, row, covariances[0]))
 
 
-def prediction_filters(law: Float[Array, " m"], certain: Bool[Array, " n"]) -> Float[Array, "n m"]:
+def prediction_filters(covariances: Float[Array, " m"], certain: Bool[Array, " n"]) -> Float[Array, "n m"]:
     """For each sample, coefficients of a filter that whitens a noise, for this sample and those before it.
 
     The output of the filter is the sample minus its best linear prediction from the certain samples before it
@@ -79,39 +76,38 @@ def prediction_filters(law: Float[Array, " m"], certain: Bool[Array, " n"]) -> F
     them. Predictions from fewer samples have larger errors, so filters are scaled to errors of the same variance.
 
     Args:
-        law: Autocovariance of the noise, at lags from 0 to the largest lag of a prediction.
+        covariances: Autocovariance of the noise, at lags from 0 to the largest lag of a prediction.
         certain: True for samples that may predict others.
     """
-    reach = len(law) - 1
+    reach = len(covariances) - 1
     if reach == 0:
         return np.ones((len(certain), 1))
     padded = np.concatenate([np.zeros(reach, dtype=bool), certain])
     # For each sample, which of the samples before it are certain, the last one first.
     before = np.lib.stride_tricks.sliding_window_view(padded, reach)[: len(certain), ::-1]
     patterns, which = np.unique(before, axis=0, return_inverse=True)
-    least = _prediction(law, np.arange(1, reach + 1))[1]
+    least = _prediction(covariances, np.arange(1, reach + 1))[1]
     filters = np.zeros((len(patterns), reach + 1))
     for row, pattern in zip(filters, patterns, strict=True):
         lags = np.flatnonzero(pattern) + 1
-        coefficients, variance = _prediction(law, lags)
+        coefficients, variance = _prediction(covariances, lags)
         row[0], row[lags] = 1.0, -coefficients
         row *= np.sqrt(least / variance)
     return filters[which.ravel()]
 
 
-def _prediction(law: Float[Array, " m"], lags: Int[Array, " k"]) -> tuple[Float[Array, " k"], float]:
+def _prediction(covariances: Float[Array, " m"], lags: Int[Array, " k"]) -> tuple[Float[Array, " k"], float]:
     """Coefficients of the best linear prediction from samples at the given lags, and the variance of its error."""
-    a = np.linalg.solve(law[np.abs(lags[:, None] - lags)], law[lags])
-    return a, float(law[0] - a @ law[lags])
+    a = np.linalg.solve(covariances[np.abs(lags[:, None] - lags)], covariances[lags])
+    return a, float(covariances[0] - a @ covariances[lags])
 
 
 def filtered(filters: Float[Array, "n m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
-    """``x`` after a causal filter with other coefficients for each sample; before the first sample there are zeros."""
+    """``x`` after a causal filter whose coefficients differ from sample to sample; before the first, ``x`` is zero."""
     weights = filters.reshape(*filters.shape, *(1,) * (x.ndim - 1))
     out = weights[:, 0] * x
-    # A few samples at a time stay in the processor's cache until all lags are done.
-    for start in range(0, len(x), _ROWS):
-        stop = min(start + _ROWS, len(x))
+    for start in range(0, len(x), _SAMPLES_AT_A_TIME):
+        stop = min(start + _SAMPLES_AT_A_TIME, len(x))
         for lag in range(1, min(filters.shape[1], stop)):
             first = max(start, lag)
             out[first:stop] += weights[first:stop, lag] * x[first - lag : stop - lag]
@@ -200,8 +196,8 @@ def whitening_of(columns: Columns, noise: Series) -> Whitening:
         noise: Unpredictable part of the residual, for each log; zero where a sample is not usable.
     """
     by_row = [[part[:, j] for part in noise] for j in range(noise[0].shape[1])]
-    laws = [noise_law(columns, own, j) for j, own in enumerate(by_row)]
-    filters = [[row_filters(columns, log, j, law) for log in range(len(noise))] for j, law in enumerate(laws)]
+    covariances = [row_autocovariance(columns, own, j) for j, own in enumerate(by_row)]
+    filters = [[row_filters(columns, log, j, own) for log in range(len(noise))] for j, own in enumerate(covariances)]
     friction = [
         np.column_stack([friction_variance(columns, log, j, row[log]) for j, row in enumerate(filters)])
         for log in range(len(noise))
@@ -221,7 +217,7 @@ def weights_without_filter(columns: Columns, noise: Series) -> Series:
 
 
 def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Series:
-    """Noise of each log's torque, with noise of the sensors added on rows where the whitened noise would be too small.
+    """Noise of each log's torque, with sensor noise added to rows whose whitened noise would be smaller than this.
 
     The unpredictable part of a torque may be smooth, or occur mainly in samples with uncertain friction. After
     whitening, and with the low weights of these samples, it may then be smaller than the noise of the sensors.
@@ -229,7 +225,7 @@ def at_least_sensor_noise(columns: Columns, noise: Series, sensed: Series) -> Se
     Args:
         columns: Columns before whitening.
         noise: Unpredictable part of each log's torque; zero where a sample is not usable.
-        sensed: Noise of the sensors in the torque.
+        sensed: Noise of the sensors in the torque, from `sensor_floor.sensed_noise`.
     """
     filters = whitening_of(columns, noise)
     own, least = (squares_by_row(filters.series(series), columns.usable) for series in (noise, sensed))
@@ -244,16 +240,17 @@ def squares_by_row(series: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Flo
 
 
 def friction_variance(columns: Columns, log: int, row: int, filters: Float[Array, "n m"]) -> Float[Array, " n"]:
-    """Variance of the whitened torque of a row, by sample, due to uncertain friction at reversals and at standstill.
+    """Variance of a row's whitened torque from uncertain friction at reversals and at standstill, for each sample.
 
-    At a reversal the time of the step of friction is uncertain. This error is filtered like the torque. The static
-    friction at standstill may change from sample to sample, so the largest possible output of the filter is taken.
+    At a reversal, the time at which friction changes sign is uncertain. This error is filtered like the torque. The
+    static friction at standstill may change from sample to sample, so the largest possible output of the filter is
+    used.
     """
     return filtered(filters, columns.reversal_std[log][:, row]) ** 2 + standstill_variance(columns, log, row, filters)
 
 
 def standstill_variance(columns: Columns, log: int, row: int, filters: Float[Array, "n m"]) -> Float[Array, " n"]:
-    """Variance of the whitened torque of a row due to friction at standstill, by sample."""
+    """Variance of a row's whitened torque from uncertain friction at standstill, for each sample."""
     return filtered(np.abs(filters), columns.standstill_std[log][:, row]) ** 2
 
 

@@ -16,7 +16,7 @@ BODY = 10
 
 
 def joints_of(term: Term) -> tuple[str, ...]:
-    """The joints that a term is on; none for an effect of the whole robot."""
+    """Names of the joints of a term; empty for an effect of the whole robot."""
     return () if term.joint is None else tuple(term.joint.split("+"))
 
 
@@ -29,9 +29,9 @@ def contains(rich: Term, simple: Term) -> bool:
 
 
 def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """``chosen`` and ``term``, without its special cases and without the same effect of another shape."""
-    kept = (other for other in chosen if not contains(term, other) and not _exclude(term, other))
-    return frozenset([*kept, term])
+    """``chosen`` with ``term``, and without its special cases and the effects that it excludes."""
+    compatible = (other for other in chosen if not contains(term, other) and not _exclude(term, other))
+    return frozenset([*compatible, term])
 
 
 def _exclude(one: Term, other: Term) -> bool:
@@ -40,8 +40,8 @@ def _exclude(one: Term, other: Term) -> bool:
     - They are two shapes of one effect on one joint, or two laws on one joint that contain the same effect.
     - They are two torque constants with a joint in common: a joint has one torque constant.
     - One is a torque constant common to several joints, the other free parameters of a body. Together they can imitate
-      wrong friction on all these joints, as the body cancels the change of all other torques. A load does not exclude
-      the torque constant: its mass and centre do not scale the torque of the links before it.
+      wrong friction on all these joints, because the body cancels the change of all other torques. A load does not
+      exclude the torque constant: its mass and centre do not scale the torque of the links before it.
     """
     for scale, bodies in ((one, other), (other, one)):
         if (is_of_many_joints(scale) and bodies.effect.inertial == "free") or scales_all_bodies(scale, bodies):
@@ -59,17 +59,17 @@ def is_of_many_joints(term: Term) -> bool:
 
 
 def scales_all_bodies(scale: Term, bodies: Term) -> bool:
-    """True for a common torque scale of all joints together with the parameters of all their bodies."""
+    """True if ``scale`` is one torque constant of all joints and ``bodies`` has the parameters of all their bodies."""
     are_all = bodies.effect.inertial == "free" and bodies.joint is None
     return scale.effect.shared and are_all and len(bodies.columns) <= BODY * len(joints_of(scale))
 
 
 def can_join(chosen: frozenset[Term], term: Term) -> bool:
-    """False if ``term`` is in the set already, or is a special case of one of its effects."""
+    """True unless ``term`` is in the set already, or is a special case of one of its effects."""
     return term not in chosen and not any(contains(other, term) for other in chosen)
 
 
-def is_beside_parts(chosen: frozenset[Term], term: Term) -> bool:
+def has_parts_in(chosen: frozenset[Term], term: Term) -> bool:
     """True for an effect with one parameter for several joints, if the set contains effects that may be parts of it."""
     parts = (other for other in chosen if are_parts([other], term) and other.joint in joints_of(term))
     return is_of_many_joints(term) and any(parts)
@@ -81,33 +81,34 @@ def are_parts(parts: Iterable[Term], whole: Term) -> bool:
 
 
 def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
-    """Two cached functions of a term, `Search.displacing` and `Search.covering`.
+    """Two cached functions of a term, `Search.removed_by` and `Search.contained_in`.
 
-    The first gives the terms that, when added to a set, remove the given term from the set; the given term itself is
+    The first gives the terms that remove the given term from a set when they are added; the given term itself is
     included. The second gives the terms of which the given term is a special case.
     """
-    near: dict[object, list[Term]] = defaultdict(list)
+    with_key: dict[object, list[Term]] = defaultdict(list)
     for term in terms:
         # Only terms on a common joint or with common columns are related.
         for key in _keys(term):
-            near[key].append(term)
+            with_key[key].append(term)
 
     @cache
-    def covering(term: Term) -> frozenset[Term]:
-        return frozenset(other for key in _keys(term) for other in near[key] if contains(other, term))
+    def contained_in(term: Term) -> frozenset[Term]:
+        return frozenset(other for key in _keys(term) for other in with_key[key] if contains(other, term))
 
     @cache
-    def displacing(term: Term) -> frozenset[Term]:
-        return covering(term).union(other for key in _keys(term) for other in near[key] if _exclude(other, term))
+    def removed_by(term: Term) -> frozenset[Term]:
+        excluding = (other for key in _keys(term) for other in with_key[key] if _exclude(other, term))
+        return contained_in(term).union(excluding)
 
-    return displacing, covering
+    return removed_by, contained_in
 
 
 def _keys(term: Term) -> tuple[object, ...]:
-    """Joints and columns of a term: related terms have one of these in common.
+    """Keys of a term, such as its joints and columns; related terms have a key in common.
 
-    Terms with a common parameter for several joints and terms of inertial parameters may exclude each other wherever
-    they are, so all of them have the key ``whole``.
+    Terms with a common parameter for several joints and terms of inertial parameters may exclude each other on any
+    joints, so all of them have the key ``whole``.
     """
     shared = tuple(("joint", joint) for joint in joints_of(term)) if term.effect.shared else ()
     whole = ("whole",) if term.effect.shared or term.effect.inertial is not None else ()
@@ -115,15 +116,15 @@ def _keys(term: Term) -> tuple[object, ...]:
 
 
 def are_near_twins(one: Term, other: Term) -> bool:
-    """True if two effects make nearly the same torque (near twins), on one joint or one of them on the whole robot."""
+    """True if two effects make nearly the same torque: near twins on one joint, or one of them on the whole robot."""
     are_twins = other.effect.name in one.effect.near_twins or one.effect.name in other.effect.near_twins
     return are_twins and (one.joint == other.joint or None in (one.joint, other.joint))
 
 
 def is_nested(term: Term, others: frozenset[Term]) -> bool:
-    """True if a finding or one of its replacements contains the other, or tends to it as a limit.
+    """True if one of a finding and its replacements contains the other, or tends to it as a limit.
 
-    It is also true if several effects replace the finding that are not parts of it.
+    It is also true if several effects that are not parts of the finding replace it.
     """
     if len(others) > 1 and not are_parts(others, term):
         return True
@@ -134,6 +135,6 @@ def is_nested(term: Term, others: frozenset[Term]) -> bool:
     )
 
 
-def has_parts(rich: Term, names: set[str]) -> bool:
-    """True if some effects with these names add up to a special case of a law."""
+def equals_sum_of(rich: Term, names: set[str]) -> bool:
+    """True if effects with some of these names add up to a special case of a law."""
     return bool(rich.effect.same_as_sum) and names.issuperset(rich.effect.same_as_sum)

@@ -1,7 +1,7 @@
 """Costs of sets of effects that are compared as rivals, and corrections that make the comparison fair.
 
-The cost of a set is the price of its parameters, plus the penalty on changes of the model within its tolerances that
-its fit needs. The cost is added to the held-out loss.
+The cost of a set is added to its held-out loss. It is the price of its parameters, plus the penalty on the changes of
+the model within its tolerances that the fit needs.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ from phantom_dyn.array_types import Array, Float
 def costs_of(
     search: Search, sets: list[frozenset[Term]], twins: list[bool], unnested: Sequence[bool] = ()
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Cost of each set, price plus penalty on changes within tolerance, in two versions that count equally.
+    """Cost of each set, price plus penalty on changes within tolerance, in two versions of equal weight.
 
-    In the first version the whole penalty counts. Stated tolerances are only rough. So in the second version only
-    differences of the penalty from that of the first set count, less four, which is the penalty of a change by two
-    tolerances. A difference of six counts as two.
+    The penalty is relative to that of the first set. In the first version the whole difference counts. Stated
+    tolerances are only rough. So in the second version a difference is reduced by four, the penalty of a change by two
+    tolerances: a difference of six counts as two, and one of less than four as zero.
 
     Args:
         search: Prices and fits of the sets.
         sets: The compared sets, that of the finding first.
         twins: True for sets that make the same torque as the first set. They get its price.
-        unnested: True for sets with a law that neither contains the finding nor is its special case. They get the price
-            of the first set. If their price and their penalty differ from those of the first set in opposite
-            directions, they get its penalty, too: free inertias also take over errors of the model within its
-            tolerances. Empty: none.
+        unnested: True for sets with a law that neither contains the finding nor is its special case; may be empty. They
+            get the price of the first set. If their price and their penalty differ from those of the first set in
+            opposite directions, they get its penalty, too: free inertias also take over errors of the model within its
+            tolerances.
     """
     prices = np.array([search.price_of(chosen) for chosen in sets])
-    dearer = prices - prices[0]
+    more_price = prices - prices[0]
     prices[twins] = prices[0]
     penalties = np.array([search.held_out_fit(chosen).penalty for chosen in sets])
-    more = penalties - penalties[0]
+    more_penalty = penalties - penalties[0]
     if unnested:
         prices[list(unnested)] = prices[0]
-        more = np.where(np.array(unnested) & (more * dearer < 0.0), 0.0, more)
-    return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
+        more_penalty = np.where(np.array(unnested) & (more_penalty * more_price < 0.0), 0.0, more_penalty)
+    return prices + more_penalty, prices + np.sign(more_penalty) * np.maximum(np.abs(more_penalty) - 4.0, 0.0)
 
 
 def rarities_of(search: Search, sets: list[frozenset[Term]]) -> Float[Array, " m"]:
-    """How rare the sizes of the effects of each set are together, as minus two log likelihoods."""
+    """Rarity of the sizes of all effects of each set: minus two log likelihoods by their prior, ``(m,)``."""
     session, fits = search.problem.session, [search.held_out_fit(chosen) for chosen in sets]
     return np.array(
         [
@@ -59,10 +59,10 @@ def rarities_of(search: Search, sets: list[frozenset[Term]]) -> Float[Array, " m
 
 
 def weighted_by_rarity(shares: Float[Array, " m"], rarities: Float[Array, " m"]) -> Float[Array, " m"]:
-    """Probabilities of sets times the prior of the sizes in each set, ``(m,)``, scaled to the same sum as before.
+    """Probabilities of sets, multiplied by the prior of the sizes in each set and scaled to the same sum, ``(m,)``.
 
     Args:
-        shares: Probability of each set by the data alone.
+        shares: Probability of each set from the data alone.
         rarities: Result of `rarities_of`.
     """
     likely = shares * np.exp(-0.5 * (rarities - rarities.min()))
@@ -70,7 +70,7 @@ def weighted_by_rarity(shares: Float[Array, " m"], rarities: Float[Array, " m"])
 
 
 def without_method_errors(
-    losses: Float[Array, "B m"], more: Float[Array, " m"], reduced: Sequence[bool], gain: float
+    losses: Float[Array, "B m"], more_parameters: Float[Array, " m"], reduced: Sequence[bool], gain: float
 ) -> Float[Array, "B m"]:
     """Losses of rivals whose differences from the finding's loss are reduced by the errors of the method.
 
@@ -80,18 +80,18 @@ def without_method_errors(
 
     Args:
         losses: Held-out losses by block and set, that of the finding first.
-        more: Number of parameters of each set minus that of the finding's set.
+        more_parameters: Number of parameters of each set minus that of the finding's set.
         reduced: True for sets whose difference is reduced.
-        gain: Decrease of the loss by the finding, of which the errors are a fixed share.
+        gain: Decrease of the loss by the finding; the errors are a fixed share of it.
     """
-    worse = losses - losses[:, :1]
-    total = worse.sum(axis=0)
-    kept = np.maximum(np.abs(total) - fair_part.ACCURACY * gain, 0.0) / np.maximum(np.abs(total), 1e-300)
-    return losses[:, :1] + worse * np.where(np.array(reduced) & (total * more <= 0.0), kept, 1.0)
+    difference = losses - losses[:, :1]
+    total = difference.sum(axis=0)
+    factor = np.maximum(np.abs(total) - fair_part.ACCURACY * gain, 0.0) / np.maximum(np.abs(total), 1e-300)
+    return losses[:, :1] + difference * np.where(np.array(reduced) & (total * more_parameters <= 0.0), factor, 1.0)
 
 
 def does_not_cancel(search: Search, chosen: Chosen) -> bool:
-    """False if the torques of the effects of a set nearly cancel each other.
+    """True unless the torques of the effects of a set nearly cancel each other.
 
     For example, in a motion of one sine a large lag and much friction together make the torque of little friction. If
     the data do not separate two causes, the one whose torques have to cancel is less likely.

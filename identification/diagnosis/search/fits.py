@@ -1,8 +1,8 @@
 """Fits of sets of effects to one problem, each computed once and cached.
 
-A fit takes one of three ways. With many nuisances (tolerance parameters that are always fitted) and linear effects, it
-is computed as a change of a similar fit (`NearFits`). Otherwise it is computed in full, starting from a similar fit.
-With few nuisances, the fits of many subsets of a few effects all come from one set of products (`Fits.of_subsets`).
+Nuisances are tolerance parameters that are always fitted. If they are many and the effects linear, a fit is computed as
+a change of a similar fit (`NearFits`). Otherwise it is computed in full, starting from a similar fit. With few
+nuisances, the fits of many subsets of a few effects use one set of products (`Fits.of_subsets`).
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ Chosen = frozenset[Term]
 # With at least this many fitted nuisances a fit is computed as a change of a similar fit. With fewer, a new fit is as
 # fast.
 _MANY_NUISANCES = 120
-# With fewer nuisances: number of recent fits among which the most similar one is taken as a start.
+# With fewer nuisances, a fit starts from the most similar one of this number of recent fits.
 _RECENT = 40
 
 
-class SearchWithoutEnd(Exception):
-    """A search has fitted more sets of effects than it may."""
+class FitLimitReached(Exception):
+    """A search has fitted as many sets of effects as it may."""
 
 
 class Fits:
@@ -45,11 +45,11 @@ class Fits:
 
     Args:
         problem: The problem that is fitted.
-        allowed: Iterator of which each fit takes one item; when it is empty, no more fits are made. Several searches
-            may share one, and so one limit. None means no limit.
+        allowed: Yields one item for each fit that may be made. Searches that share it have one limit together. None for
+            no limit.
 
     Raises:
-        SearchWithoutEnd: By the first fit beyond the limit.
+        FitLimitReached: By the first fit beyond the limit.
     """
 
     def __init__(self, problem: Problem, allowed: Iterator[int] | None = None):
@@ -72,8 +72,8 @@ class Fits:
     def of(self, chosen: Chosen) -> Fits:
         """The cache for the problem that a set needs.
 
-        If effects of the problem displace the links or tilt the base, a set without one of these effects takes the
-        problem at the encoders' readings, see `Problem.of`.
+        If effects of the problem displace the links or tilt the base, a set without one of these effects uses the
+        problem at the encoders' readings (`Problem.of`).
         """
         return self if self._at_readings is None or self.problem.of(chosen) is self.problem else self._at_readings
 
@@ -85,7 +85,7 @@ class Fits:
         return own._held_out[chosen]
 
     def row_losses(self, chosen: Chosen) -> Float[Array, " nv"]:
-        """Squared residual of each row by the fit of a set to all blocks."""
+        """Squared residual of each row after the fit of a set to all blocks."""
         own = self.of(chosen)
         if chosen not in own._row_losses:
             known = own._held_out.get(chosen) or own._fitted(chosen, held_out=False)
@@ -93,7 +93,7 @@ class Fits:
         return own._row_losses[chosen]
 
     def in_sample(self, chosen: Chosen) -> float:
-        """In-sample loss of a set, which takes a tenth of the time of held-out losses and is used to rank sets."""
+        """In-sample loss of a set, which ranks sets in a tenth of the time of held-out losses."""
         own = self.of(chosen)
         if chosen not in own._in_sample:
             known = own._held_out.get(chosen) or own._fitted(chosen, held_out=False)
@@ -118,15 +118,15 @@ class Fits:
         return {term: known[term.columns] for term in terms}
 
     def of_subsets(self, terms: Chosen) -> Callable[[Chosen], Float[Array, "G K"]]:
-        """Function that gives the coefficients of a subset of some effects.
+        """Function that gives the coefficients of a fit of any subset of some effects.
 
         It gives one row for the fit without each fold and, last, one for the fit to all blocks. No losses are computed
-        and nothing is cached, as there are many subsets and each is needed once.
+        and nothing is cached, because there are many subsets and each is needed once.
         """
         problem, total = self.problem, len(self.problem.precision)
         free = any(term.effect.inertial == "free" for term in terms)
-        # With many nuisances a fit from the products of all columns is slower. It is wrong if the columns depend on the
-        # subset, and if the fit is nonlinear. With free inertial parameters its body may be physically impossible.
+        # With many nuisances, a fit from the products of all columns is slower. If the columns depend on the subset, or
+        # the fit is nonlinear, it is wrong. With free inertial parameters, its body may be physically impossible.
         if self._similar_fits is not None or self._at_readings is not None or free or not _linear(terms):
 
             def fitted(chosen: Chosen) -> Float[Array, "G K"]:
@@ -147,11 +147,11 @@ class Fits:
         def solved(chosen: Chosen) -> Float[Array, "G K"]:
             active = active_columns(problem, ordered(chosen))
             own = np.searchsorted(columns, active)
-            square, ends = np.ix_(own, own), (lower[own], upper[own])
-            a, b, fold_a = with_prior[square], whole.b[own], folds.a[:, own[:, None], own]
-            x = bounded_solve(a, b, *ends, near=start[own])
+            bounds = lower[own], upper[own]
+            a, b, fold_a = with_prior[np.ix_(own, own)], whole.b[own], folds.a[:, own[:, None], own]
+            x = bounded_solve(a, b, *bounds, near=start[own])
             out = np.zeros((len(fold_a) + 1, total))
-            out[:-1, active] = bounded_solve_without(a, b, fold_a, folds.b[:, own], *ends, x)
+            out[:-1, active] = bounded_solve_without(a, b, fold_a, folds.b[:, own], *bounds, x)
             out[-1, active] = x
             return out
 
@@ -165,14 +165,14 @@ class Fits:
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
         if next(self.allowed, None) is None:
-            raise SearchWithoutEnd
+            raise FitLimitReached
         if self._similar_fits is not None and _linear(chosen):
             found = self._similar_fits.fit(active_columns(self.problem, ordered(chosen)), held_out=held_out)
             bodies = self.problem.bodies_of(chosen)
             if not any(impossible_bodies(bodies, theta) for theta in (found.theta, *found.fold_theta)):
                 return Fitted(self.problem, LinearisationPoint(), *found)
-        # A nonlinear fit needs several linear fits to find the point about which it is linearised. The point is kept:
-        # fits on all data and on held-out data have the same one.
+        # A nonlinear fit needs several linear fits to find the point about which it is linearised. The point is cached,
+        # because fits with and without held-out data have the same one.
         point = self._points.get(chosen)
         found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._start_of(chosen), point=point)
         if found.point.iterated:
@@ -183,7 +183,7 @@ class Fits:
     def _start_of(self, chosen: Chosen) -> WarmStart:
         """Coefficients of a similar fit, from which the fit of a set starts.
 
-        With many nuisances, a linear set and the first set of all start from the fit of their linear effects. Any other
+        With many nuisances, linear sets and the very first set start from the fit of their linear effects. Any other
         set starts from the most similar recent fit.
         """
         if self._similar_fits is not None and (_linear(chosen) or not self._recent):
@@ -194,15 +194,15 @@ class Fits:
             _, similar = min(reversed(self._recent), key=lambda one: len(one[0] ^ chosen))
         else:
             return self._first_start
-        return replace(WarmStart.nothing(self.problem).after(similar, ()), payload=self._first_start.payload)
+        return replace(WarmStart.empty(self.problem).after(similar, ()), payload=self._first_start.payload)
 
     @cached_property
     def _first_start(self) -> WarmStart:
-        """Start of a fit without a similar one: coefficients of the nuisances alone, and the best single point mass.
+        """Start of a fit if there is no similar one: the nuisances of a fit without effects, and the best point mass.
 
-        This is a good start, because the nuisances meet the same bounds in most fits.
+        This is a good start, because the nuisances are at the same bounds in most fits.
         """
-        start = WarmStart.nothing(self.problem)
+        start = WarmStart.empty(self.problem)
         start = start.after(fit(self.problem, (), held_out=False, near=start), ())
         load = next((term for term in self.problem.columns.terms if term.effect.inertial == "point mass"), None)
         if load is None:

@@ -1,10 +1,10 @@
 """Tests whether the fitted size of an effect, such as the mass of a load, is plausible.
 
-No robot that works has a size outside of its plausible range. A finding of an implausible size is replaced by a rival
-of a plausible size; without such a rival, the finding does not count for the verdict "explained". Each effect states
-the ranges that hold for every robot. This module adds ranges relative to the recorded torque and speed of the joint. A
-size counts as plausible if its uncertainty interval overlaps the range, because the size may be uncertain: a slow
-motion, for example, hardly shows the mass of a load.
+No robot that works has a size outside its plausible range. A finding of an implausible size is replaced by a rival of a
+plausible size; without such a rival, the finding does not count for the verdict "explained". Each effect states the
+ranges that hold for every robot. This module adds ranges relative to the recorded torque and speed of the joint. A size
+is plausible if its uncertainty interval overlaps the range. For example, a slow motion hardly shows the mass of a load,
+so the mass is uncertain.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from identification.diagnosis.search.containment import joints_of
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.effect import Effect, Parameter
 
-# A size is implausible if it is outside of its range by more than this many of its standard deviations.
+# A size is implausible if it is outside its range by more than this many of its standard deviations.
 _DEVIATIONS = 2.0
 
 # Upper end of the plausible range of friction: of dry friction in units of the largest recorded torque of the joint, of
-# viscous friction in units of this torque over the largest recorded speed. By the reasons below friction of more than
-# one unit is implausible; two are allowed because the recorded torque may be half the true one.
-_MOST = 2.0
-_BY_TORQUE = (
+# viscous friction in units of this torque over the largest recorded speed. For the reasons below, friction of more than
+# one unit is implausible. Two units are allowed because the recorded torque may be half the true torque.
+_FRICTION_LIMIT = 2.0
+_TORQUE_REASON = (
     "a drive that moves a joint gives its friction at least, and this is more than twice the largest torque that was "
     "recorded"
 )
-_BY_SPEED = (
+_SPEED_REASON = (
     "a drive that moves a joint gives its friction at least, and at the largest speed this is more than twice the "
     "largest torque that was recorded"
 )
@@ -45,7 +45,7 @@ def implausible_size(
         session: The given model and the largest recorded torque and speed of each joint.
         term: An effect.
         theta: Coefficients of its columns.
-        cov: Their covariance; None: the coefficients are exact.
+        cov: Their covariance; None if the coefficients are exact.
     """
     if not isinstance(term.effect, Effect) or term.effect.inertial == "free":
         return None
@@ -53,7 +53,7 @@ def implausible_size(
     values = _sizes(session, term, theta, len(parameters))
     margins = np.zeros_like(values) if cov is None else _DEVIATIONS * _deviations(session, term, theta, cov, values)
     for stated, own, margin in zip(parameters, values, margins, strict=True):
-        parameter = _limited(session, term, stated)
+        parameter = _with_recorded_limit(session, term, stated)
         if parameter.plausible is None:
             continue
         low, high = parameter.plausible
@@ -64,11 +64,11 @@ def implausible_size(
 
 
 def rarity(session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
-    """How rare the size of a fitted effect is: minus two log likelihoods of a normal prior.
+    """Rarity of the size of a fitted effect: minus two log likelihoods by a normal prior.
 
-    Some effects are present in every device to a small extent, with either sign. Their prior has its mean at the device
-    as stated, and the ends of the plausible range are two standard deviations from it. Other effects are present or
-    not, with any size of their range: their rarity is zero.
+    Some effects are present in every device to a small extent, with either sign. Their prior has its mean at the
+    stated value, and the ends of the plausible range are two standard deviations from it. All other effects have a
+    rarity of zero, because all sizes in their range are equally likely.
 
     Args:
         session: The given model.
@@ -81,15 +81,15 @@ def rarity(session: Session, term: Term, theta: Float[Array, " k"], cov: Float[A
     parameters = term.effect.parameters(session.robot, term.joint)
     if not any(one.either_sign for one in parameters):
         return 0.0
-    values, neutral = (_sizes(session, term, at, len(parameters)) for at in (theta, np.zeros_like(theta)))
+    values, stated_values = (_sizes(session, term, at, len(parameters)) for at in (theta, np.zeros_like(theta)))
     deviations = _deviations(session, term, theta, cov, values)
     out = 0.0
-    for parameter, own, without, deviation in zip(parameters, values, neutral, deviations, strict=True):
+    for parameter, own, stated, deviation in zip(parameters, values, stated_values, deviations, strict=True):
         if parameter.either_sign and parameter.plausible is not None:
             low, high = parameter.plausible
-            # Standard deviation of the prior: half the distance from a device as stated to the end of the range.
-            usual = 0.5 * np.where(own < without, without - low, high - without)
-            out += float(np.sum((own - without) ** 2 / (usual**2 + deviation**2)))
+            # Standard deviation of the prior: half the distance from the stated value to the end of the range.
+            prior_std = 0.5 * np.where(own < stated, stated - low, high - stated)
+            out += float(np.sum((own - stated) ** 2 / (prior_std**2 + deviation**2)))
     return out
 
 
@@ -102,23 +102,24 @@ def _sizes(session: Session, term: Term, theta: Float[Array, " k"], count: int) 
 def _deviations(
     session: Session, term: Term, theta: Float[Array, " k"], cov: Float[Array, "k k"], values: Float[Array, "p n"]
 ) -> Float[Array, "p n"]:
-    """Standard deviation of each size, by the change of all sizes along each axis of the covariance."""
+    """Standard deviation of each size, from the changes of all sizes along each axis of the covariance."""
     squares, axes = np.linalg.eigh(cov)
     steps = (axes * np.sqrt(np.maximum(squares, 0.0))).T
     changed = [_sizes(session, term, theta + step, len(values)) - values for step in steps]
     return np.sqrt(np.sum(np.square(changed), axis=0))
 
 
-def _limited(session: Session, term: Term, parameter: Parameter) -> Parameter:
-    """The parameter; its range ends at the limit by recorded torque and speed if the effect's own range ends higher."""
+def _with_recorded_limit(session: Session, term: Term, parameter: Parameter) -> Parameter:
+    """The parameter with its plausible range limited by the recorded torque and speed of its joint."""
     rows = [session.robot.joint_names.index(one) for one in joints_of(term) if one in session.robot.joint_names]
     by_speed = parameter.unit in ("N m s/rad", "N s/m")
     of_friction = by_speed or (term.effect.rubs and parameter.unit in ("N m", "N"))
     if parameter.plausible is None or not rows or not of_friction:
         return parameter
-    most = _MOST * float(np.max(session.largest_torque[rows] / (session.largest_speed[rows] if by_speed else 1.0)))
+    unit = session.largest_torque[rows] / (session.largest_speed[rows] if by_speed else 1.0)
+    limit = _FRICTION_LIMIT * float(np.max(unit))
     low, high = parameter.plausible
     # A joint whose torque or speed was not recorded sets no limit.
-    if not 0.0 < most < high:
+    if not 0.0 < limit < high:
         return parameter
-    return replace(parameter, plausible=(low, most), plausible_because=_BY_SPEED if by_speed else _BY_TORQUE)
+    return replace(parameter, plausible=(low, limit), plausible_because=_SPEED_REASON if by_speed else _TORQUE_REASON)

@@ -1,6 +1,6 @@
-"""Record of the gates that each effect passed or failed in search and judge, from which the ledger is made.
+"""Record of the gates that each effect passed or failed, in search and judge.
 
-The ledger lists all effects that were claimed at any time, with the gates that they passed or failed.
+The ledger of a diagnosis is made from it: all effects that were claimed at any time, with the results of the gates.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from identification.engine.claims import GateResult
 
 EffectJoint = tuple[str, str | None]
 """Name of an effect and its joint; None for the whole robot."""
+Cause = tuple[EffectJoint, ...]
+"""Effects that together may explain what a finding explains; empty for the finding itself."""
 
 
 class Record:
@@ -25,7 +27,7 @@ class Record:
         self._replacements: dict[EffectJoint, tuple[EffectJoint, ...]] = {}
 
     def add_passed(self, terms: Iterable[Term], *results: GateResult) -> None:
-        """Record that effects have passed gates; earlier failures are cancelled."""
+        """Record that effects have passed gates, and delete their earlier failures."""
         for term in terms:
             if term.named:
                 before = self._results.get(term.effect_joint, {})

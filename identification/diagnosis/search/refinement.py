@@ -1,7 +1,7 @@
 """Points about which nonlinear laws are linearised for the next search: found effects and their best rivals.
 
-A shape holds the parameters in which a law is nonlinear, such as the time of a delay. A search tries a grid of shapes,
-and fits each linearised law. The next search tries shapes near those of the effects found here.
+The shape of a law is the set of parameters in which it is nonlinear, such as the time of a delay. A search tries a grid
+of shapes, and fits each linearised law. The next search tries shapes near those of the effects found here.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from identification.diagnosis.search.containment import with_term
 from identification.diagnosis.search.search import Search
 
 # Largest number of runners-up of one finding.
-_MOST_CLOSE = 3
+_MOST_RUNNERS_UP = 3
 # Relative difference of shapes below which laws are linearised about the same point.
 _SAME_SHAPE = 0.03
 
@@ -28,13 +28,13 @@ def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect,
 def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
     """Effects with a shape that gain nearly as much as a finding in its place, or nearly enough for a further claim.
 
-    One of them may be the true effect. A true effect may gain less than a wrong effect with more parameters only
-    because the grid of shapes is coarse, or because the law was linearised far from the true size.
+    One of them may be the true effect. It may gain less than a wrong effect with more parameters only because the grid
+    of shapes is coarse, or because the law was linearised far from the true size.
     """
-    taken = {term.effect_joint for term in chosen}
-    shaped = tuple(term for term in search.terms if term.named and term.shape and term.effect_joint not in taken)
+    found = {term.effect_joint for term in chosen}
+    shaped = tuple(term for term in search.terms if term.named and term.shape and term.effect_joint not in found)
     out: dict[tuple[str, str | None], FoundEffect] = {}
-    # For each finding, its rivals; for None, effects that are added to the whole set.
+    # Rivals of each finding, and, under None, effects that are added to the whole set.
     for finding in (None, *ordered(chosen)):
         remaining = chosen - {finding}
         finding_gain = None if finding is None else search.gains(remaining, (finding,))[finding]
@@ -44,7 +44,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
             compared = search.threshold.of(term) if finding_gain is None else finding_gain
-            if gains[term] >= rules.RUNNER_UP * compared and len(best) < _MOST_CLOSE:
+            if gains[term] >= rules.RUNNER_UP * compared and len(best) < _MOST_RUNNERS_UP:
                 best.setdefault(term.effect_joint, term)
         for effect_joint, term in best.items():
             out.setdefault(effect_joint, _found_effect(search.held_out_fit(with_term(remaining, term)), term))
@@ -79,6 +79,6 @@ def _found_effect(fitted: Fitted, term: Term) -> FoundEffect:
 
 
 def _shape_distance(point: FoundEffect, term: Term) -> tuple[int, float]:
-    """How much two shapes differ: in their numbers of parameters, then in the parameters that both have."""
+    """Difference of two shapes: in their numbers of parameters, then in the parameters that both have."""
     apart = sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))
     return abs(len(term.shape) - len(point.shape)), apart

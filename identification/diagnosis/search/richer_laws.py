@@ -1,4 +1,4 @@
-"""Odds of laws with more parameters ("richer laws") against a finding that is their special case.
+"""Odds of richer laws, which have more parameters, against a finding that is their special case.
 
 The odds of a law are its probability divided by the probability of the finding.
 """
@@ -15,7 +15,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.search.containment import contains
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.plausible_sizes import implausible_size
-from identification.diagnosis.search.record import EffectJoint
+from identification.diagnosis.search.record import Cause, EffectJoint
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import with_replacement
 from identification.engine import contract_levels
@@ -28,13 +28,13 @@ def odds_of_richer_laws(
     term: Term,
     barred: frozenset[EffectJoint],
     richer_laws: list[Chosen],
-) -> dict[tuple[EffectJoint, ...], float]:
-    """Odds of laws with more parameters against a finding that is their special case, as means over their shapes.
+) -> dict[Cause, float]:
+    """Odds of richer laws against a finding that is their special case, as means over the shapes of each law.
 
     A law whose fit does not differ from the special case is not ruled out. For example, a recording shows friction that
     falls at the lowest speeds only if the joint is that slow. So odds are averaged over all shapes of a law, including
-    shapes that the recording hardly shows. A law of plausible size has odds of one against a finding of implausible
-    size, such as a load of negative mass.
+    shapes that the recording hardly shows. A law of plausible size that fits at least as well has odds of one against a
+    finding of implausible size, such as a load of negative mass.
 
     Args:
         search: Candidates and fits of sets.
@@ -44,17 +44,17 @@ def odds_of_richer_laws(
         richer_laws: Sets of effects with more parameters that may replace the finding; laws of the same joint that
             contain it are added.
     """
-    sound = has_plausible_sizes(search, chosen, frozenset([term]))
+    is_plausible = has_plausible_sizes(search, chosen, frozenset([term]))
 
     def odds(rich: Chosen) -> float:
         better = (
-            not sound
+            not is_plausible
             and has_plausible_sizes(search, rich, rich - chosen)
             and search.in_sample_loss(rich) <= search.in_sample_loss(chosen)
         )
         return 1.0 if better else _bounded_odds(search, chosen, rich)
 
-    sets: dict[tuple[EffectJoint, ...], list[Chosen]] = defaultdict(list)
+    sets: dict[Cause, list[Chosen]] = defaultdict(list)
     single = {one.effect_joint for others in richer_laws if len(others) == 1 for one in others}
     for one in search.terms:
         own = one.named and one.joint == term.joint and contains(one, term) and one.effect.inertial is None
@@ -71,7 +71,7 @@ def _bounded_odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
     """Odds of a set against one with a special case of one of its laws, at most one.
 
     If the columns of the law do not include those of the special case, the odds are also at most twice the probability
-    that the law would predict other blocks better. This follows from the scatter of the held-out losses over blocks.
+    that the law predicts other blocks better, computed from the scatter of the held-out losses over blocks.
     """
     odds = min(odds_of_richer(search, chosen, rich), 1.0)
     columns = {column for one in chosen for column in one.columns}
@@ -83,7 +83,7 @@ def _bounded_odds(search: Search, chosen: Chosen, rich: Chosen) -> float:
 
 
 def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
-    """Odds of a law with more parameters against its special case (Laplace's approximation), at most one.
+    """Odds of a richer law against its special case (Laplace's approximation), at most one.
 
     By the prior, each additional column makes about half as much torque as the finding. If the data and the tolerances
     do not determine the coefficient of an additional column, the odds are near one.
@@ -96,17 +96,17 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
     own = np.diag(a)[more]
     if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
         return 0.0
-    cross, made, gradient = project_off_fit(problem, found, more)
-    projected = a[np.ix_(more, more)] - cross.T @ made
-    # From here on coefficients are in units of their prior standard deviation.
-    size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
-    precision = np.eye(len(more)) + projected * np.outer(size, size)
-    slope = gradient * size
+    cross, solution, gradient = project_off_fit(problem, found, more)
+    projected = a[np.ix_(more, more)] - cross.T @ solution
+    # From here on, coefficients are in units of their prior standard deviation.
+    prior_std = rules.EXPECTED_SHARE * np.sqrt(energy / own)
+    precision = np.eye(len(more)) + projected * np.outer(prior_std, prior_std)
+    slope = gradient * prior_std
     log_odds = 0.5 * float(slope @ np.linalg.solve(precision, slope)) - 0.5 * float(np.linalg.slogdet(precision)[1])
     return float(np.exp(min(log_odds, 0.0)))
 
 
-def has_plausible_sizes(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
-    """True if the effects ``theirs`` of a set have plausible sizes in its fit."""
+def has_plausible_sizes(search: Search, chosen: Chosen, effects: Chosen) -> bool:
+    """True if all given effects of a set have plausible sizes in its fit."""
     session, found = search.problem.session, search.held_out_fit(chosen)
-    return all(implausible_size(session, one, *found.coefficients_of(one)) is None for one in theirs)
+    return all(implausible_size(session, one, *found.coefficients_of(one)) is None for one in effects)

@@ -21,7 +21,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.search.containment import relations
-from identification.diagnosis.search.fits import Fits
+from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.special_cases import vanishes_at_bound
 from identification.gates import above_chance
@@ -32,24 +32,25 @@ _MANY_JOINTS = 10
 # joints, and on other robots. A real TX40 needed 792, a biped with a payload (seed 316 of `benchmarks.legged`) 180, by
 # `benchmarks/search_fits.py`.
 _MOST_FITS, _MOST_FITS_OF_MANY = 4000, 600
-# Largest number of candidates whose in-sample gain is computed by a fit and not only estimated.
-_MOST_FITTED = 30
+# Largest number of candidates whose in-sample gain is computed by a fit, not only estimated.
+_MOST_FITTED_CANDIDATES = 30
 # A candidate is fitted only if its estimated gain is above this share of the largest estimated gain.
-_WORTH_FITTING = 0.2
-# A gain is estimated with coefficients held at their active bounds. The gain of a fit may be this many times larger.
-_RELEASED = 2.0
+_PROMISING_SHARE = 0.2
+# A gain is estimated with coefficients fixed at their active bounds. A fit, which releases bounds, may gain this many
+# times more.
+_RELEASE_FACTOR = 2.0
 # Score of a set with a physically impossible size: more than the loss of any recording.
 IMPOSSIBLE = 1e15
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """Held-out gain that a claim needs: what the best effect of the catalogue, or of one joint, gains by chance.
+    """Held-out gain that a claim needs, because the best effect may gain as much by chance.
 
     Attributes:
         overall: Gain that no effect of the catalogue reaches by chance.
-        joints: The same for the effects of each joint; under None for effects of several joints or of the whole robot.
-            An unexplained residual on one joint raises the threshold of that joint only.
+        joints: Gain that no effect of each joint reaches by chance; the key None has the effects of several joints or
+            of the whole robot. An unexplained residual on one joint raises the threshold of that joint only.
     """
 
     overall: float
@@ -61,7 +62,7 @@ class Threshold:
 
 
 def joint_of(term: Term) -> str | None:
-    """The single joint of a term; None for the whole robot, and for several joints, whose names are joined by ``+``."""
+    """The joint of a term; None for a term of the whole robot, or of several joints, with names joined by ``+``."""
     return None if term.joint is None or "+" in term.joint else term.joint
 
 
@@ -72,34 +73,35 @@ class Search:
     Attributes:
         problem: The problem that is fitted.
         terms: All candidates, each an effect on one joint with one shape.
-        sizes: Number of parameters of each candidate that change the torque independently (rank of its columns).
+        counts: Number of parameters of each candidate that change the torque independently (`parameter_counts`).
         fits: Fits of sets of candidates, each made once.
-        displacing: Function from a candidate to the candidates that, when added to a set, remove it from the set;
-            the candidate itself is included. Cached.
-        covering: Function from a candidate to the candidates of which it is a special case. Cached.
+        removed_by: Function that gives the candidates that remove a candidate from a set when they are added; the
+            candidate itself is included. Cached.
+        contained_in: Function that gives the candidates of which a candidate is a special case. Cached.
         threshold: Held-out gains that claims need.
-        rows: Gap of each row (joint): an effect on a joint with a large gap has to close a fair part of it.
-        spurious: Gain that encoder noise alone gives each effect, by its name and joint.
+        gaps: Gap of each row (joint): an effect on a joint with a large gap has to close a fair part of it.
+        spurious: Gain of each effect from encoder noise alone, by its name and joint.
         record: Decisions on each effect.
-        near: Cache of `swaps.relevant_alternatives`: alternatives of each effect that act on one of its joints.
+        alternatives_on_joint: Cache of `swaps.relevant_alternatives`: for each effect, its alternatives that act on one
+            of its joints.
     """
 
     problem: Problem
     terms: tuple[Term, ...]
-    sizes: dict[Term, int]
+    counts: dict[Term, int]
     fits: Fits
-    displacing: Callable[[Term], frozenset[Term]]
-    covering: Callable[[Term], frozenset[Term]]
+    removed_by: Callable[[Term], frozenset[Term]]
+    contained_in: Callable[[Term], frozenset[Term]]
     threshold: Threshold
-    rows: RowGaps
+    gaps: RowGaps
     spurious: dict[tuple[str, str | None], float]
     record: Record = field(default_factory=Record, compare=False)
-    near: dict[Term, tuple[frozenset[Term], ...]] = field(default_factory=dict, init=False, compare=False)
+    alternatives_on_joint: dict[Term, tuple[Chosen, ...]] = field(default_factory=dict, init=False, compare=False)
     _scores: dict[frozenset[Term], float] = field(default_factory=dict, init=False, compare=False)
 
     @property
     def many_joints(self) -> bool:
-        """True if effects on different joints are added, swapped and dropped in one step."""
+        """True if effects on different joints are added, swapped and removed in one step."""
         return len(self.problem.columns.rows) >= _MANY_JOINTS
 
     @cached_property
@@ -108,7 +110,7 @@ class Search:
         return {term: frozenset([term]) for term in self.terms}
 
     def of(self, chosen: frozenset[Term]) -> Search:
-        """The same search on the columns that a set needs, see `Problem.of`."""
+        """The same search on the columns that a set needs (`Problem.of`)."""
         fits = self.fits.of(chosen)
         return self if fits is self.fits else replace(self, problem=fits.problem, fits=fits)
 
@@ -117,14 +119,18 @@ class Search:
         return self.fits.held_out(chosen)
 
     def in_sample_loss(self, chosen: frozenset[Term]) -> float:
-        """Loss of a set in sample."""
+        """In-sample loss of a set."""
         return self.fits.in_sample(chosen)
+
+    def in_sample_score(self, chosen: frozenset[Term]) -> float:
+        """In-sample loss plus the price of the parameters, which ranks sets in less time than `score`."""
+        return self.in_sample_loss(chosen) + self.price_of(chosen)
 
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better.
 
-        Parameters that add no rank cost a negligible amount, so that of two sets with exactly the same columns the one
-        with fewer parameters is chosen. A set whose fit needs an impossible size scores `IMPOSSIBLE`.
+        Parameters that add no rank have a negligible price, so that the set with fewer parameters is chosen if two sets
+        have exactly the same columns. A set whose fit needs an impossible size has the score `IMPOSSIBLE`.
         """
         if chosen not in self._scores:
             found, robot = self.held_out_fit(chosen), self.problem.session.robot
@@ -140,33 +146,33 @@ class Search:
         above: float = -np.inf,
         instead_of: Term | None = None,
     ) -> dict[Term, float]:
-        """In-sample gain of each term if it is added to a set, less the price of its parameters.
+        """In-sample gain of each term if it is added to a set, minus the price of its parameters.
 
-        All gains are first estimated, with coefficients held at their active bounds. Then the best terms are fitted,
-        and so are terms that would remove others from the set, if their gain may exceed ``above``. A fit gains more
-        than the estimate because bounds are released: a few times more if tolerance parameters had reached their bounds
+        All gains are first estimated, with coefficients fixed at their active bounds. Then fits are made for the best
+        terms, and for terms that would remove others from the set, if their gain may exceed ``above``. A fit gains more
+        than the estimate because it releases bounds: a few times more if tolerance parameters had reached their bounds
         in order to imitate the cause.
 
         Args:
             chosen: The set to which a term is added.
-            terms: The terms, one of which is added at a time.
-            above: Gain below which an estimate is good enough.
-            instead_of: A finding that the terms may replace. The estimates of the terms are expected to be too small by
-                the same factor as the estimate of the finding.
+            terms: The terms, which are added one at a time.
+            above: Gain below which an estimate is accurate enough.
+            instead_of: A finding that the terms may replace. Estimates of the terms are assumed to be too small by the
+                same factor as that of the finding.
         """
         gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
-        # A term that joins the set removes others, whose prices are then saved.
+        # A term that is added removes others, whose prices are then saved.
         removed: dict[Term, frozenset[Term]] = defaultdict(frozenset)
         for other in chosen:
-            for term in self.displacing(other) - {other}:
+            for term in self.removed_by(other) - {other}:
                 removed[term] |= {other}
                 if term in costs:
                     costs[term] -= self.prices[other]
         out = {term: gained[term] - costs[term] for term in terms}
         ranked = sorted(terms, key=lambda term: -out[term])
-        least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
-        released = _RELEASED
+        least = _PROMISING_SHARE * max(out[ranked[0]], 0.0) if ranked else 0.0
+        released = _RELEASE_FACTOR
         if instead_of is not None:
             estimate = max(self.fits.gains(chosen, (instead_of,))[instead_of], 1e-12)
             fitted = self.in_sample_loss(chosen) - self.in_sample_loss(chosen | {instead_of})
@@ -174,15 +180,15 @@ class Search:
         for k, term in enumerate(ranked):
             may_exceed = released * (out[term] + costs[term]) - costs[term] > above
             # Beyond the largest number of fits, only terms that gain nearly as much as the best one are fitted.
-            promising = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
+            promising = out[term] > least and (k < _MOST_FITTED_CANDIDATES or out[term] > 0.8 * out[ranked[0]])
             if may_exceed and (promising or term in removed):
                 with_term = (chosen - removed[term]) | {term}
                 out[term] = self.in_sample_loss(chosen) - self.in_sample_loss(with_term) - costs[term]
         return out
 
     def can_join(self, chosen: frozenset[Term], term: Term) -> bool:
-        """False if a term is in the set already, or is a special case of one of its effects; from cached relations."""
-        return term not in chosen and chosen.isdisjoint(self.covering(term))
+        """True unless a term is in the set already, or is a special case of one of its effects (`contained_in`)."""
+        return term not in chosen and chosen.isdisjoint(self.contained_in(term))
 
     def price_of(self, chosen: frozenset[Term]) -> float:
         """Price of the parameters of a set."""
@@ -190,12 +196,12 @@ class Search:
 
     @cached_property
     def prices(self) -> dict[Term, float]:
-        """Price of the parameters of each effect."""
-        return {term: price(size) for term, size in self.sizes.items()}
+        """Price of the parameters of each candidate."""
+        return {term: price(size) for term, size in self.counts.items()}
 
-    def sizes_of(self, chosen: frozenset[Term]) -> int:
-        """Number of parameters of a set."""
-        return sum(self.sizes[term] for term in chosen)
+    def parameter_count(self, chosen: frozenset[Term]) -> int:
+        """Number of parameters of a set, as in `counts`."""
+        return sum(self.counts[term] for term in chosen)
 
 
 def price(size: int) -> float:
@@ -211,7 +217,7 @@ def most_fits(joints: int) -> int:
     return joints * (_MOST_FITS if joints < _MANY_JOINTS else _MOST_FITS_OF_MANY)
 
 
-def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
+def parameter_counts(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
     """Number of parameters of each term that change the torque of these recordings independently.
 
     It is the rank of the term's columns plus the number of its shape parameters.
@@ -237,7 +243,7 @@ def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
 def set_up_search(
     problem: Problem,
     threshold: Threshold,
-    rows: RowGaps,
+    gaps: RowGaps,
     spurious: dict[tuple[str, str | None], float],
     record: Record | None = None,
     allowed: Iterator[int] | None = None,
@@ -247,16 +253,16 @@ def set_up_search(
     Args:
         problem: Columns, products, priors.
         threshold: Held-out gains that claims need.
-        rows: Gap of each joint.
-        spurious: Gain that encoder noise alone gives each effect, by its name and joint.
-        record: Earlier decisions on each effect; None: an empty record.
-        allowed: Yields one item for each fit that may be made; None: no limit.
+        gaps: Gap of each joint.
+        spurious: Gain of each effect from encoder noise alone, by its name and joint.
+        record: Earlier decisions on each effect; None for an empty record.
+        allowed: Yields one item for each fit that may be made; None for no limit.
     """
-    sizes = ranks_of(problem, problem.columns.terms)
-    terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
-    displacing, covering = relations(problem.columns.terms)
-    fits, kept = Fits(problem, allowed), Record() if record is None else record
-    return Search(problem, terms, sizes, fits, displacing, covering, threshold, rows, spurious, kept)
+    counts = parameter_counts(problem, problem.columns.terms)
+    terms = tuple(term for term in problem.columns.terms if counts[term] > 0)
+    removed_by, contained_in = relations(problem.columns.terms)
+    fits, record = Fits(problem, allowed), Record() if record is None else record
+    return Search(problem, terms, counts, fits, removed_by, contained_in, threshold, gaps, spurious, record)
 
 
 def with_wide_tolerances(search: Search) -> Search:

@@ -2,8 +2,8 @@
 
 A special case holds if certain numbers, computed from the fit, are zero. For example, Stribeck friction is Coulomb
 friction if its excess at rest is zero. The certainty of a difference is one minus the p-value of Wald's test that these
-numbers are zero. Here a case counts with the certainty of a single comparison; a finding has to differ from zero more
-certainly (see `differs_from_simpler`).
+numbers are zero. Here the certainty of a single comparison is enough. A finding has to differ from zero with a larger
+certainty (`differs_from_simpler`).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.rival import SpecialCase
 from phantom_dyn.model.robot import Robot
 
-# Eigenvalues of a covariance below this share of the largest one are rounding errors, and not inverted.
-_RANK = 1e-9
-# A number of at most this size counts as zero, because fits reach the bounds of coefficients with this accuracy.
-_END = 1e-12
+# Eigenvalues of a covariance below this share of the largest one are rounding errors and are not inverted.
+_ROUNDING_SHARE = 1e-9
+# A number of at most this magnitude counts as zero, because fits reach the bounds of coefficients with this accuracy.
+_AT_BOUND = 1e-12
 
 
 def certainty_of_difference(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
-    """Probability that estimates would be nearer to zero than these numbers are if the true numbers were zero.
+    """Probability that estimates are nearer to zero than these numbers if the true numbers are zero.
 
     It is one minus the p-value of Wald's test.
 
@@ -41,7 +41,7 @@ def certainty_of_difference(numbers: Float[Array, " k"], cov: Float[Array, "k k"
         return 0.0
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     scaled = numbers / std
-    inverse = np.linalg.pinv(cov / np.outer(std, std), rcond=_RANK, hermitian=True)
+    inverse = np.linalg.pinv(cov / np.outer(std, std), rcond=_ROUNDING_SHARE, hermitian=True)
     return float(chdtr(len(numbers), scaled @ inverse @ scaled))
 
 
@@ -66,13 +66,13 @@ def nearest_case(robot: Robot, term: Term, fitted: FullFit) -> tuple[float, tupl
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
     of_other_shape = _cases_of_other_shape(robot, term, x) if len(x) == count else frozenset()
-    return _nearest(cases, x, fitted.presence_covariance(term), excluded=of_other_shape)
+    return _first_equal_or_nearest(cases, x, fitted.presence_covariance(term), excluded=of_other_shape)
 
 
 def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
     """Effects and joints of the simplest law that describes a fitted term: the term's law, or a special case of it.
 
-    The result is None if the special case is no effect at all. Shapes count as known.
+    The result is None if the special case is no effect at all. Shapes are taken as known.
     """
     nearest = nearest_case_at_shape(robot, term, fitted)
     if nearest is None or differs_from_simpler(nearest[0], something_there=True).passed:
@@ -89,7 +89,7 @@ def nearest_case_at_shape(
         robot: The given model.
         term: An effect of the fit.
         fitted: Fit with fixed shapes.
-        names: Effects of the only special case that is tested; None: all cases are tested.
+        names: Effects of the only special case that is tested; None to test all cases.
     """
     if term.effect.inertial == "free":
         return None
@@ -101,11 +101,11 @@ def nearest_case_at_shape(
 
     theta = fitted.theta[columns]
     of_other_shape = _cases_of_other_shape(robot, term, theta)
-    return _nearest(cases, theta, fitted.cov[np.ix_(at, at)], names, of_other_shape)
+    return _first_equal_or_nearest(cases, theta, fitted.cov[np.ix_(at, at)], names, of_other_shape)
 
 
 def _cases_of_other_shape(robot: Robot, term: Term, theta: Float[Array, " k"]) -> frozenset[tuple[str, ...]]:
-    """Special cases of an effect that hold at certain shapes, which a fit with fixed shapes cannot test.
+    """Special cases of an effect that depend on its shape, so that a fit with fixed shapes cannot test them.
 
     The numbers of these cases change if the shape is scaled by one per cent.
     """
@@ -127,17 +127,19 @@ def vanishes_at_bound(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bo
         theta: Coefficients of its columns.
     """
     cases = term.effect.special_cases(robot, term.joint, theta, term.shape)
-    return bool(np.any(theta)) and any(not case.names and bool(np.all(np.abs(case.numbers) <= _END)) for case in cases)
+    return bool(np.any(theta)) and any(
+        not case.names and bool(np.all(np.abs(case.numbers) <= _AT_BOUND)) for case in cases
+    )
 
 
-def _nearest(
+def _first_equal_or_nearest(
     cases: Callable[[Array], tuple[SpecialCase, ...]],
     x: Float[Array, " k"],
     cov: Float[Array, "k k"],
     names: tuple[str, ...] | None = None,
     excluded: frozenset[tuple[str, ...]] = frozenset(),
 ) -> tuple[float, tuple[str, ...]] | None:
-    """Certainty and effects of the first special case from which a fit does not differ; without one, of the nearest.
+    """Certainty and effects of the first special case from which a fit does not differ, or else of the nearest case.
 
     The covariance of the numbers of a case follows from that of ``x`` to first order, by finite differences.
 
@@ -145,7 +147,7 @@ def _nearest(
         cases: Function from parameters to the special cases of the law, with their numbers.
         x: Fitted parameters.
         cov: Their covariance.
-        names: Effects of the only special case that is tested; None: all cases are tested.
+        names: Effects of the only special case that is tested; None to test all cases.
         excluded: Special cases that are not tested, by their effects.
     """
     step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))

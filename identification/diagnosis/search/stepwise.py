@@ -6,8 +6,8 @@ replace effects that only resemble them.
 
 The score of a set is its held-out loss plus the price of its parameters; a smaller score is better. The gain of an
 effect is the decrease of the loss when the effect is added to a set. The search records each decision as the result of
-a gate, a test that an effect has to pass. In this file ``stays`` is the result of the gate that compares the present
-set with another one: the present set stays if it passes.
+a gate, a test that an effect has to pass. In this file ``comparison`` is the result of the gate that compares the
+present set with another one. If it passes, the search keeps the present set.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from identification.diagnosis.search.claims import (
     gate_results,
     least_needed,
     passes_gates,
-    rows_touched_by,
+    rows_of_term,
 )
-from identification.diagnosis.search.containment import can_join, is_beside_parts, is_of_many_joints, with_term
+from identification.diagnosis.search.containment import can_join, has_parts_in, is_of_many_joints, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search, price
 from identification.diagnosis.search.swaps import parts_of, with_simpler_laws, with_swaps
@@ -34,12 +34,12 @@ from identification.gates.exchange import explains_more_than_others
 from identification.stages import Announcement, Progress, Stage
 
 # Largest number of candidates that one step tests on held-out data: those with the largest in-sample gains.
-_MOST_JUDGED = 24
-# The same where the best candidate nearly always has one of the largest in-sample gains: for effects below the
+_MOST_TESTED = 24
+# The same number where the best candidate nearly always has one of the largest in-sample gains: for effects below the
 # threshold of chance, structures without a name, and the first effects of `_with_other_starts`.
-_FEW_JUDGED = 8
+_FEW_TESTED = 8
 # `_with_other_starts` is used for robots with at most this many joints.
-_MOST_JOINTS_BEGUN = 3
+_MOST_JOINTS_WITH_OTHER_STARTS = 3
 # Largest number of structures without a name in a set.
 _MOST_NAMELESS = 4
 
@@ -49,16 +49,16 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
 
     Free inertial parameters of all links explain a little of any missing effect. So the search finds the other effects
     first. If free inertial parameters alone explain more than all found effects together, they replace these, and the
-    search continues with them. On a robot with many joints torque constants are tested last, too, because a fit with
-    one takes many times as long.
+    search continues with them. On a robot with many joints, torque constants are tested last, too, because a fit with
+    such a constant takes many times as long.
 
     Args:
         search: Problem, candidates, threshold.
-        progress: Is called at the beginning of each stage.
+        progress: Function that is called at the beginning of each stage.
         start: Effects that an earlier search has found.
     """
-    # After the earlier search, laws were linearised again about its result, so that another law may now fit better.
-    # Swaps come first: otherwise effects would be added that only correct the errors of a wrong law.
+    # Laws are now linearised about the result of the earlier search, so another law may fit better. Swaps come first:
+    # otherwise the search would add effects that only correct the errors of a wrong law.
     chosen = with_swaps(search, backward_elimination(search, frozenset(term for term in start if term.named)))
     inertias = next((term for term in search.terms if term.effect.inertial == "free" and term.joint is None), None)
     constants = {term for term in search.terms if search.many_joints and term.effect.scales_joint}
@@ -73,16 +73,15 @@ def stepwise_search(search: Search, progress: Progress, start: frozenset[Term] =
 
 
 def _alone_if_better(search: Search, term: Term, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set that consists of one effect if its score is better than that of the chosen set, else the chosen set."""
+    """The set of one effect alone if its score is better than that of the chosen set, else the chosen set."""
     alone = search.alone[term]
     # Held-out scores take longer, so they are computed only if the effect is better in sample.
-    in_sample, in_sample_chosen = (search.in_sample_loss(one) + search.price_of(one) for one in (alone, chosen))
-    if not in_sample < in_sample_chosen:
+    if not search.in_sample_score(alone) < search.in_sample_score(chosen):
         return chosen
-    stays = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
-    if stays.passed:
+    comparison = explains_more_than_others(search.score(alone) - search.score(chosen), -exchange.ROUNDING)
+    if comparison.passed:
         return chosen
-    search.record.add_failed(chosen, stays, replaced_by=[term])
+    search.record.add_failed(chosen, comparison, replaced_by=[term])
     search.record.add_passed([term])
     return alone
 
@@ -113,42 +112,42 @@ def _improved(search: Search, chosen: frozenset[Term], progress: Progress) -> fr
 def _with_other_starts(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set, or a better one from a search that begins with another effect, if a joint moves in one sine.
 
-    In one sine the torque of a joint is given by two numbers: its amplitudes in phase and out of phase with the motion.
+    In one sine, two numbers determine the torque of a joint: its amplitudes in phase and out of phase with the motion.
     Suppose that each of two true effects makes one of these amplitudes, and a wrong effect makes both. Then the wrong
-    effect gains most by itself and is added first. In a set with the wrong effect the true effects gain nothing.
+    effect gains most by itself and is added first. In a set with the wrong effect, the true effects gain nothing.
     """
     sines = search.problem.session.in_one_sine
-    if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_BEGUN:
+    if not sines or len(search.problem.columns.rows) > _MOST_JOINTS_WITH_OTHER_STARTS:
         return chosen
     named = tuple(
-        term for term in search.terms if term.named and not sines.isdisjoint(rows_touched_by(search.problem, term))
+        term for term in search.terms if term.named and not sines.isdisjoint(rows_of_term(search.problem, term))
     )
     gains = search.gains(frozenset(), named)
     best_shapes: dict[EffectJoint, Term] = {}
     for term in sorted(named, key=lambda term: -gains[term]):
         best_shapes.setdefault(term.effect_joint, term)
     best = chosen
-    for term in [*best_shapes.values()][:_FEW_JUDGED]:
+    for term in [*best_shapes.values()][:_FEW_TESTED]:
         if term in chosen:
             continue
         trial = replace(search, record=search.record.copy_for_trial())
         tried = backward_elimination(trial, forward_selection(trial, search.alone[term], progress))
-        stays = explains_more_than_others(search.score(tried) - search.score(best), -exchange.ROUNDING)
-        if not stays.passed:
+        comparison = explains_more_than_others(search.score(tried) - search.score(best), -exchange.ROUNDING)
+        if not comparison.passed:
             search.record.take_over(trial.record)
-            search.record.add_failed(best - tried, stays, replaced_by=tried - best)
+            search.record.add_failed(best - tried, comparison, replaced_by=tried - best)
             best = tried
     return best
 
 
 def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
-    """The set with one more named effect, if that improves the score; else None.
+    """The set with one more named effect if that improves the score, else None.
 
-    The effect gains more than its price, but its gain may be below the threshold of chance.
+    The effect has to gain more than its price, but need not gain more than chance.
     """
     candidates = tuple(term for term in search.terms if term.named and search.can_join(chosen, term))
     in_sample_gains = search.gains(chosen, candidates, above=0.0)
-    most_promising = sorted(candidates, key=lambda term: -in_sample_gains[term])[:_FEW_JUDGED]
+    most_promising = sorted(candidates, key=lambda term: -in_sample_gains[term])[:_FEW_TESTED]
     sets = [with_term(chosen, term) for term in most_promising if _beats_small_parts(search, chosen, term)]
     best = min(sets, key=search.score, default=None)
     return best if best is not None and search.score(best) < search.score(chosen) else None
@@ -157,13 +156,13 @@ def best_below_threshold(search: Search, chosen: frozenset[Term]) -> frozenset[T
 def forward_selection(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
-    The gain of an effect in sample is larger than on held-out data. So effects are tested on held-out data in the order
-    of their gains in sample, until no further one can be better than the best so far.
+    The in-sample gain of an effect is larger than its held-out gain. So effects are tested on held-out data in the
+    order of their in-sample gains, until no further one can be better than the best so far.
 
     After each addition, unnecessary effects are removed. Then the added effect may become unnecessary, too, and the
     search returns to an earlier set. If so, the result is the best set since the first occurrence of that set.
     """
-    seen = [chosen]
+    visited = [chosen]
     while True:
         progress(Announcement(Stage.RIVALS_TRIED, detail={"found": len(chosen)}))
         score = search.score(chosen)
@@ -171,11 +170,11 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
         in_sample_gains = search.gains(chosen, tuple(candidates), above=0.0)
         best, largest_gain = None, 0.0
         ranked = sorted(candidates, key=lambda term: -in_sample_gains[term])
-        for term in ranked[:_MOST_JUDGED]:
+        for term in ranked[:_MOST_TESTED]:
             if in_sample_gains[term] < largest_gain:
                 break
             # The threshold of chance applies to the gain before the price is subtracted.
-            gain_before_price = in_sample_gains[term] + price(search.sizes[term])
+            gain_before_price = in_sample_gains[term] + price(search.counts[term])
             if not more_than_chance(gain_before_price, search.threshold.of(term)).passed:
                 continue
             gain = score - search.score(with_term(chosen, term))
@@ -189,9 +188,9 @@ def forward_selection(search: Search, chosen: frozenset[Term], progress: Progres
         if search.many_joints:
             chosen = _with_other_joints(search, chosen, best, ranked)
         chosen = backward_elimination(search, chosen)
-        if chosen in seen:
-            return min(seen[seen.index(chosen) :], key=search.score)
-        seen.append(chosen)
+        if chosen in visited:
+            return min(visited[visited.index(chosen) :], key=search.score)
+        visited.append(chosen)
 
 
 def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
@@ -217,24 +216,24 @@ def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, rank
 
 
 def _with_claimed(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set with a claimed effect, without the effects that it replaces; the claim and replacements are recorded."""
-    together = with_term(chosen, term)
-    margin = search.score(chosen) - search.score(together)
-    search.record.add_failed(chosen - together, explains_more_than_others(-margin), replaced_by=[term])
-    search.record.add_passed([term], *gate_results(search, together, chosen), explains_more_than_others(margin))
-    return together
+    """The set with a claimed effect and without the effects that it replaces; both are recorded."""
+    with_claim = with_term(chosen, term)
+    margin = search.score(chosen) - search.score(with_claim)
+    search.record.add_failed(chosen - with_claim, explains_more_than_others(-margin), replaced_by=[term])
+    search.record.add_passed([term], *gate_results(search, with_claim, chosen), explains_more_than_others(margin))
+    return with_claim
 
 
 def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
     """The set with effects of single joints in place of a law of many joints, if they explain more.
 
-    A law of many joints has more parameters than the robot has joints (free inertial parameters, which explain wrong
-    rotor inertias), or is one torque constant for several joints (which explains wrong friction on all of them). It
-    gains most at first, because it explains a little of the effects of all joints. No swap of one effect for another
-    removes it, so the search is repeated without it.
+    A law of many joints has more parameters than the robot has joints, or is one torque constant for several joints.
+    The former are free inertial parameters, which explain wrong rotor inertias; the latter explains wrong friction on
+    all these joints. Such a law gains most at first, because it explains a little of the effects of all joints. No swap
+    of one effect for another removes it, so the search is repeated without it.
     """
     for term in ordered(chosen):
-        has_many_parameters = search.sizes[term] > len(search.problem.columns.rows)
+        has_many_parameters = search.counts[term] > len(search.problem.columns.rows)
         if not has_many_parameters and not is_of_many_joints(term):
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
@@ -247,25 +246,25 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Progre
             # one joint may be too small for a claim.
             score = min(score, search.score(_with_small_parts(without, tried, term)))
         # Many sets were tried, so a small margin may be chance.
-        stays = explains_more_than_others(score - search.score(chosen), -above_chance.PARAMETER_PRICE)
-        if not stays.passed:
+        comparison = explains_more_than_others(score - search.score(chosen), -above_chance.PARAMETER_PRICE)
+        if not comparison.passed:
             search.record.take_over(without.record)
-            search.record.add_failed([term], stays, replaced_by=tried - chosen)
+            search.record.add_failed([term], comparison, replaced_by=tried - chosen)
             chosen = tried
         else:
-            # The effects of the trial are recorded as failed: they explain no more than the law.
+            # The effects of the trial explain no more than the law, so they are recorded as failed.
             trial = explains_more_than_others(search.score(chosen) - score, above_chance.PARAMETER_PRICE)
             search.record.add_failed(tried - chosen, trial, replaced_by=[term])
     return chosen
 
 
 def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> bool:
-    """False for an effect with one parameter for several joints that gains no more than its parts on these joints.
+    """False for an effect with one parameter for several joints that gains hardly more than its parts on these joints.
 
-    The gain of such an effect may come from friction on several joints that is too small for a claim on each joint. All
-    other effects pass.
+    The gain of such an effect may come from friction on several joints that is too small for a claim on each joint. The
+    result is True for all other effects.
     """
-    if not is_beside_parts(chosen, term):
+    if not has_parts_in(chosen, term):
         return True
     parts = _with_small_parts(search, chosen, term)
     gain = search.score(parts) - search.score(with_term(chosen, term))
@@ -273,7 +272,7 @@ def _beats_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> b
 
 
 def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> frozenset[Term]:
-    """The set plus the effects of single joints whose sum has nearly the torque of an effect of all these joints."""
+    """The set with the effects of single joints whose sum makes nearly the torque of an effect of all these joints."""
     for part in parts_of(search, term):
         if part.joint is not None and can_join(chosen, part):
             chosen = with_term(chosen, part)
@@ -281,11 +280,11 @@ def _with_small_parts(search: Search, chosen: frozenset[Term], term: Term) -> fr
 
 
 def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -> frozenset[Term]:
-    """The set with structures without a name, which are added to named effects or replace them.
+    """The set after structures without a name are added to named effects, or replace them.
 
-    A structure has to gain as much as any claim beyond the best set of named effects; effects that it makes unnecessary
-    are then removed. A structure with fewer parameters than several effects together may replace them with less gain,
-    except if a joint moves in one sine: there a structure with two parameters can make any torque.
+    A structure has to gain as much as any claim compared with the best set of named effects; effects that it makes
+    unnecessary are then removed. A structure with fewer parameters than several effects together may replace them with
+    less gain, except if a joint moves in one sine: there a structure with two parameters can make any torque.
     """
     progress(Announcement(Stage.NAMELESS))
     accuracy = exchange.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
@@ -301,11 +300,11 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Progress) -
 def _better_with_structure(
     search: Search, chosen: frozenset[Term], accuracy: float
 ) -> dict[frozenset[Term], GateResult]:
-    """Sets with one more structure that are better than a set, each with the gate result by which the set loses to it.
+    """Better sets with one more structure, each with the result of the gate that the present set fails against it.
 
     Args:
         search: Fits and scores of sets.
-        chosen: The set.
+        chosen: The present set.
         accuracy: Gain that a structure may owe to inaccuracies of the laws that it replaces.
     """
     structures = tuple(term for term in search.terms if not term.named)
@@ -314,21 +313,21 @@ def _better_with_structure(
     # A structure is added to the whole set, and to its structures alone. Then needed effects are added again.
     for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
         in_sample_gains = search.gains(base, structures, above=search.threshold.overall)
-        for term in sorted(structures, key=lambda term: -in_sample_gains[term])[:_FEW_JUDGED]:
+        for term in sorted(structures, key=lambda term: -in_sample_gains[term])[:_FEW_TESTED]:
             if not more_than_chance(in_sample_gains[term], search.threshold.overall).passed or not can_join(base, term):
                 continue
             tried = _with_needed_only(search, term, base, chosen)
-            in_one_sine = not sines.isdisjoint(rows_touched_by(search.problem, term))
+            in_one_sine = not sines.isdisjoint(rows_of_term(search.problem, term))
             needed = _least_nameless_gain(search, term, chosen - tried, accuracy, in_one_sine=in_one_sine)
-            # The present set stays unless the score of the set with the structure is lower by ``needed``.
-            stays = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
-            if not stays.passed and passes_gates(search, tried, tried - {term}):
-                better[tried] = stays
+            # The present set is kept unless the score of the set with the structure is lower by ``needed``.
+            comparison = explains_more_than_others(search.score(tried) - search.score(chosen), -needed)
+            if not comparison.passed and passes_gates(search, tried, tried - {term}):
+                better[tried] = comparison
     return better
 
 
 def _count_of_causes(effects: frozenset[Term]) -> int:
-    """Number of causes of several effects: one effect on many joints, or many effects on one joint, count as one."""
+    """Number of causes behind some effects: one effect on many joints, or many effects on one joint, is one cause."""
     return min(len({term.effect for term in effects}), len({term.joint for term in effects}))
 
 
@@ -347,7 +346,7 @@ def _least_nameless_gain(
         accuracy: Gain that the structure may owe to inaccuracies of the laws that it replaces.
         in_one_sine: True if the joint of the structure moves in one sine, where two parameters can make any torque.
     """
-    simpler = not structure.shape and search.sizes[structure] < search.sizes_of(replaced)
+    simpler = not structure.shape and search.counts[structure] < search.parameter_count(replaced)
     if simpler and len(replaced) > 1 and not in_one_sine:
         return 0.0
     most = 1 if in_one_sine else len(exchange.NAMELESS_MARGIN) - 1
@@ -361,16 +360,16 @@ def _with_needed_only(
 ) -> frozenset[Term]:
     """The set ``base`` with a structure, and with those named effects of ``chosen`` that are still needed.
 
-    Effects on other joints than the structure's count as needed without a test. If the set has many effects, only those
-    are tested whose removal increases the loss least; the others count as needed, too.
+    Effects that act on none of the structure's joints are needed without a test. If the set has many effects, those
+    whose removal increases the loss least are tested; the others are needed without a test, too.
     """
-    rows = rows_touched_by(search.problem, structure)
+    rows = rows_of_term(search.problem, structure)
     with_all = with_term(chosen, structure)
     untested = with_all.difference(least_needed(search, with_all))
     needed = [
         term
         for term in ordered(chosen)
-        if term.named and (term in untested or rows.isdisjoint(rows_touched_by(search.problem, term)))
+        if term.named and (term in untested or rows.isdisjoint(rows_of_term(search.problem, term)))
     ]
     # First the needed effects are added, then those that pass the gates and replace no effect of the set.
     tried = with_term(base, structure)
@@ -381,7 +380,7 @@ def _with_needed_only(
         more = with_term(tried, term)
         if term.named and can_join(tried, term) and passes_gates(search, more, tried) and more >= tried:
             tried = more
-    # Then tested effects are removed one by one, as long as some fail the gates.
+    # Then tested effects that fail the gates are removed one by one.
     while True:
         tested = ordered(tried.difference(needed))
         unnecessary = [term for term in tested if term.named and not passes_gates(search, tried, tried - {term})]

@@ -1,4 +1,4 @@
-"""Squared residuals after fits of many subsets of some effects, from products of columns that are summed only once."""
+"""Squared residuals after fits of many subsets of some effects, from products of columns that are computed once."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 class _Row:
     """Products of the columns and the residual of one row (joint).
 
-    A group is the judged blocks that are predicted by the same fit; products are summed over each group.
+    A group consists of the judged blocks that the same fit predicts; products are summed over each group.
 
     Attributes:
         index: Indices of these columns among all columns, ``(k,)``.
-        square: Products of the columns and, last, the residual with each other, ``(G, k + 1, k + 1)``.
+        products: Products of the columns and, last, the residual with each other, ``(G, k + 1, k + 1)``.
         counts: Weighted number of samples, ``(G,)``.
     """
 
     index: Int[Array, " k"]
-    square: Float[Array, "G n n"]
+    products: Float[Array, "G n n"]
     counts: Float[Array, " G"]
 
 
 def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], ResidualSums]:
     """Function that gives, for a subset of some effects, the squared residuals on blocks held out of its fit.
 
-    The columns are in the judged band already, so residuals follow from products of columns, without the samples.
-    Blocks that the same fit predicts are summed.
+    The columns are in the judged band already, so the squared residuals follow from products of columns, without the
+    samples. Blocks that the same fit predicts are summed.
 
     Args:
         plain: Search with fits in the judged band.
@@ -44,7 +44,7 @@ def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozens
     """
     problem = plain.problem
     fold = problem.grams.fold[judged_blocks(problem)]
-    # Folds of the judged blocks. Held-out recordings have fold -1: index -1 is the fit to all blocks, which comes last.
+    # Folds of the judged blocks. Held-out recordings have fold -1, and index -1 is the fit to all blocks.
     fits = np.unique(fold)
     coefficients = plain.fits.of_subsets(terms)
 
@@ -52,8 +52,8 @@ def subset_residuals(plain: Search, terms: frozenset[Term]) -> Callable[[frozens
     def rows_of(with_displacement: bool) -> tuple[_Row, ...]:
         """Products of all rows.
 
-        Columns are computed at the displaced positions if ``with_displacement``, else at the positions that the
-        encoders read.
+        Columns are computed at the displaced positions of the links if ``with_displacement``, else at the positions
+        that the encoders read.
         """
         own = problem if with_displacement else problem.at_readings
         assert own is not None
@@ -76,14 +76,14 @@ def _row(problem: Problem, j: int, wanted: set[int], groups: list[Bool[Array, " 
     """Products of row ``j`` for the wanted columns, summed over each group of judged blocks."""
     columns = problem.white
     local = [k for k, column in enumerate(columns.rows[j]) if column in wanted]
-    square, counts = [], []
+    products, counts = [], []
     for block in (problem.blocks[k] for k in judged_blocks(problem)):
         part = slice(block.core, block.stop)
         weights = sample_weights(problem, block.log, part)[:, j]
         joined = np.column_stack([columns.values[block.log][j][part][:, local], columns.residual[block.log][part, j]])
-        square.append(joined.T @ (joined * weights[:, None]))
+        products.append(joined.T @ (joined * weights[:, None]))
         counts.append(weights.sum())
-    summed = (np.stack([np.array(each)[group].sum(axis=0) for group in groups]) for each in (square, counts))
+    summed = (np.stack([np.array(each)[group].sum(axis=0) for group in groups]) for each in (products, counts))
     return _Row(np.array(columns.rows[j])[local], *summed)
 
 
@@ -104,5 +104,5 @@ def _squares(row: _Row, theta: Float[Array, "G K"], scaled: list[int]) -> Float[
         x[:, own] = gains
     # The residual is [columns, residual] @ [-x, 1], and its square a quadratic form of their products.
     signed = np.column_stack([-x, np.ones(len(x))])
-    products = (signed[:, None, :] @ row.square)[:, 0]
-    return np.maximum(np.einsum("bi,bi->b", products, signed), 0.0)
+    weighted = (signed[:, None, :] @ row.products)[:, 0]
+    return np.maximum(np.einsum("bi,bi->b", weighted, signed), 0.0)

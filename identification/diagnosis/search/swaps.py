@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
-from identification.diagnosis.search.claims import backward_elimination, passes_gates, rows_touched_by
+from identification.diagnosis.search.claims import backward_elimination, passes_gates, rows_of_term
 from identification.diagnosis.search.containment import (
     are_near_twins,
     are_parts,
@@ -28,58 +28,52 @@ from identification.gates import above_chance, exchange, fair_part
 from identification.gates.exchange import explains_more_than_others, worth_its_numbers
 from phantom_dyn.array_types import Array, Float
 
-# Largest number of swaps that are evaluated on held-out data: those that are best in sample.
-_WORTH_TRYING = 8
-# The same for the swaps on each set of joints, if the robot has many joints.
-_TRIED_EACH = 3
+# Largest number of swaps that are tested on held-out data: those that are best in sample.
+_MOST_TESTED = 8
+# The same number for the swaps on each set of joints, if the robot has many joints.
+_MOST_TESTED_ON_JOINTS = 3
 
 
 def with_swaps(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """The set after swaps of single effects for better or simpler ones, until no swap lowers the score."""
     for _ in range(20):
-        # In-sample losses take less time, so they decide which swaps are tested on held-out data.
-        present = search.in_sample_loss(chosen) + search.price_of(chosen)
+        # In-sample scores take less time, so they decide which swaps are tested on held-out data.
+        largest_score = search.in_sample_score(chosen) + above_chance.PARAMETER_PRICE
         tried = {
             with_replacement(chosen, term, others)
             for term in ordered(chosen)
             for others in relevant_alternatives(search, chosen, term, 2 * above_chance.PARAMETER_PRICE)
         }
-        ranked = sorted(
-            tried - {chosen}, key=lambda other: (search.in_sample_loss(other) + search.price_of(other), _key(other))
-        )
-        worth = [
-            other
-            for other in ranked
-            if search.in_sample_loss(other) + search.price_of(other) < present + above_chance.PARAMETER_PRICE
-        ]
+        ranked = sorted(tried - {chosen}, key=lambda other: (search.in_sample_score(other), _tie_break(other)))
+        promising = [other for other in ranked if search.in_sample_score(other) < largest_score]
         if search.many_joints:
-            best = _swapped_everywhere(search, chosen, worth)
+            best = _swapped_on_all_joints(search, chosen, promising)
         else:
-            better = [other for other in worth[:_WORTH_TRYING] if _is_better(search, other, chosen)]
-            best = min(better, key=lambda other: (search.score(other), _key(other)), default=chosen)
+            better = [other for other in promising[:_MOST_TESTED] if _is_better(search, other, chosen)]
+            best = min(better, key=lambda other: (search.score(other), _tie_break(other)), default=chosen)
         if best == chosen:
             return chosen
-        search.record.add_failed(chosen - best, _exchange(search, best, chosen), replaced_by=best - chosen)
-        search.record.add_passed(best - chosen, _exchange(search, chosen, best))
+        search.record.add_failed(chosen - best, _exchange_gate(search, best, chosen), replaced_by=best - chosen)
+        search.record.add_passed(best - chosen, _exchange_gate(search, chosen, best))
         chosen = backward_elimination(search, best)
     return chosen
 
 
 def _is_better(search: Search, other: frozenset[Term], chosen: frozenset[Term]) -> bool:
-    """True if another set has the lower score, and passes the gates of a claim if it has more parameters.
+    """True if another set has a lower score, and passes the gates of a claim if its price is higher.
 
-    Without these gates the next elimination would undo the swap.
+    A set that fails these gates would lose the new effects in the next elimination.
     """
     cheaper = search.price_of(other) <= search.price_of(chosen)
-    return _exchange(search, chosen, other).passed and (cheaper or passes_gates(search, other, chosen))
+    return _exchange_gate(search, chosen, other).passed and (cheaper or passes_gates(search, other, chosen))
 
 
-def _exchange(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:
+def _exchange_gate(search: Search, before: frozenset[Term], after: frozenset[Term]) -> GateResult:
     """Result of the gate that asks whether the set ``after`` scores better than the set ``before``."""
     return explains_more_than_others(search.score(before) - search.score(after), exchange.ROUNDING)
 
 
-def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
+def _swapped_on_all_joints(search: Search, chosen: frozenset[Term], ranked: list[frozenset[Term]]) -> frozenset[Term]:
     """The set after swaps on all joints in one step, the most promising swap of each joint first.
 
     Args:
@@ -87,23 +81,23 @@ def _swapped_everywhere(search: Search, chosen: frozenset[Term], ranked: list[fr
         chosen: The current set.
         ranked: Sets that differ from it by a swap, the most promising first.
     """
-    current, touched, tried = chosen, frozenset[int](), Counter[frozenset[int]]()
+    current, changed_rows, tested = chosen, frozenset[int](), Counter[frozenset[int]]()
     for other in ranked:
-        changed = chosen ^ other
-        rows = frozenset[int]().union(*(rows_touched_by(search.problem, term) for term in changed))
-        if rows.isdisjoint(touched) and tried[rows] < _TRIED_EACH:
-            tried[rows] += 1
-            # The same swap in the current set, which may contain swaps on other joints by now.
-            if _is_better(search, current ^ changed, current):
-                current, touched = current ^ changed, touched | rows
+        swap = chosen ^ other
+        rows = frozenset[int]().union(*(rows_of_term(search.problem, term) for term in swap))
+        if rows.isdisjoint(changed_rows) and tested[rows] < _MOST_TESTED_ON_JOINTS:
+            tested[rows] += 1
+            # The swap is tested in the current set, which may already contain swaps on other joints.
+            if _is_better(search, current ^ swap, current):
+                current, changed_rows = current ^ swap, changed_rows | rows
     return current
 
 
 def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """The set with special cases in place of effects, if they explain as much within the accuracy of the method.
 
-    If the torque of an effect is far above the noise, additional parameters of its law can fit the errors of filters
-    and of the linearised tolerances.
+    If the torque of an effect is far above the noise, additional parameters of its law may fit only the errors of
+    filters and of the linearised tolerances.
     """
     for term in ordered(chosen):
         accuracy = fair_part.ACCURACY * explained_loss(search, chosen, term)
@@ -113,24 +107,24 @@ def with_simpler_laws(search: Search, chosen: frozenset[Term]) -> frozenset[Term
             if all(contains(term, other) for other in others)
         ]
         simpler = [other for other in simpler if search.price_of(other) < search.price_of(chosen)]
-        best = min(simpler, key=lambda other: (search.score(other), _key(other)), default=chosen)
+        best = min(simpler, key=lambda other: (search.score(other), _tie_break(other)), default=chosen)
         worth = worth_its_numbers(search.score(best) - search.score(chosen), accuracy)
         if not worth.passed:
             search.record.add_failed(chosen - best, worth, replaced_by=best - chosen)
             search.record.add_passed(best - chosen)
             chosen = best
-    return _with_one_number(search, chosen)
+    return _with_shared_parameters(search, chosen)
 
 
-def _with_one_number(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """The set with one parameter for several joints in place of one for each joint, if the set explains as much."""
-    single = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
+def _with_shared_parameters(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """The set with one parameter for several joints in place of one for each joint, if it explains as much."""
+    of_joint = {term.joint: term for term in ordered(chosen) if term.effect.shared and len(joints_of(term)) == 1}
     for term in search.terms:
-        own = [single[joint] for joint in joints_of(term) if joint in single] if term.effect.shared else []
-        if len(own) < 2 or len(own) < len(joints_of(term)) or not chosen.issuperset(own):
+        single = [of_joint[joint] for joint in joints_of(term) if joint in of_joint] if term.effect.shared else []
+        if len(single) < 2 or len(single) < len(joints_of(term)) or not chosen.issuperset(single):
             continue
         other = with_term(chosen, term)
-        accuracy = fair_part.ACCURACY * sum(explained_loss(search, chosen, one) for one in own)
+        accuracy = fair_part.ACCURACY * sum(explained_loss(search, chosen, one) for one in single)
         worth = worth_its_numbers(search.score(other) - search.score(chosen), accuracy)
         if not worth.passed:
             search.record.add_failed(chosen - other, worth, replaced_by=[term])
@@ -147,9 +141,9 @@ def explained_loss(search: Search, chosen: frozenset[Term], term: Term) -> float
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     """Sets of effects that may replace ``term``: single effects, special cases, and sums of effects.
 
-    An effect between two joints makes the same torque as friction on both joints if these move alike, and has fewer
-    parameters. So an effect between two joints is compared with all sets of friction on both. A torque constant scales
-    all torques of its drive. So a torque constant is compared with sums of effects that make these torques.
+    An effect between two joints makes the same torque as friction on both joints if these move alike, with fewer
+    parameters. So it is compared with all sets of friction on both joints. A torque constant scales all torques of its
+    drive. So it is compared with sums of effects that make these torques.
     """
     single = [
         search.alone[other]
@@ -161,31 +155,31 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     parts = [
         other
         for other in search.terms
-        if (contains(term, other) and other.joint == term.joint) or _of_passive_joint(search, term, other)
+        if (contains(term, other) and other.joint == term.joint) or _is_friction_on_passive_joint(search, term, other)
     ]
     joints = joints_of(term) if term.effect.scope == "pair" else ()
     on_each_joint = [
         other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint
     ]
-    several = [*_groups(parts, most=3), *_groups(on_each_joint), *_of_near_twins(search, term)]
+    several = [*_subsets(parts, most=3), *_subsets(on_each_joint), *_pairs_with_near_twins(search, term)]
     several += _sums_of_parts(search, term)
-    same = [
+    other_shapes = [
         search.alone[other] for other in search.terms if other.effect_joint == term.effect_joint and other is not term
     ]
-    return (*single, *several, *same)
+    return (*single, *several, *other_shapes)
 
 
-def _groups(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]:
-    """All sets of two to ``most`` of some effects; None: of two to all."""
+def _subsets(terms: list[Term], most: int | None = None) -> list[frozenset[Term]]:
+    """All sets of at least two, and at most ``most``, of some effects; None for no limit."""
     sizes = range(2, (len(terms) if most is None else most) + 1)
     return [frozenset(group) for size in sizes for group in combinations(terms, size)]
 
 
 def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
-    """Sets of two or more effects whose sum may make the torque of one effect.
+    """Sets of two or more effects whose sum may make the torque of ``term``.
 
-    An effect with one parameter for several joints is replaced by parts on all of these joints. An effect of one joint
-    is replaced by pairs of a part on this joint and another part, and by all parts together.
+    For an effect with one parameter for several joints, it is the set of all parts on these joints. For an effect of
+    one joint, these are pairs of a part on this joint and another part, and the set of all parts.
     """
     parts = parts_of(search, term)
     if len(joints_of(term)) > 1:
@@ -195,19 +189,19 @@ def _sums_of_parts(search: Search, term: Term) -> list[frozenset[Term]]:
 
 
 def parts_of(search: Search, term: Term) -> list[Term]:
-    """Effects whose sum may make nearly the torque of ``term``, on joints on which it acts or of the whole robot."""
+    """Effects of the whole robot, or of joints on which ``term`` acts, whose sum may make nearly its torque."""
     names = search.problem.session.robot.joint_names
-    rows = frozenset[int]().union(*(search.problem.touched[column] for column in term.columns))
+    rows = frozenset[int]().union(*(search.problem.rows_of_column[column] for column in term.columns))
     joints = {None, *(names[row] for row in rows)}
     return [other for other in search.terms if other.effect.name in term.effect.sum_parts and other.joint in joints]
 
 
-def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
-    """Pairs of a near twin of an effect, which makes nearly the same torque, with a further effect.
+def _pairs_with_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
+    """Pairs of a near twin of an effect, which makes nearly the same torque, and a further effect.
 
     The further effect may be another part of a law with more parameters that contains the effect or its twin: without
-    this part the twin would seem worse than it is. The further effect may also be the replaced effect itself, because
-    the gain of a twin that is added to the other one is too small for a claim.
+    this part, the twin would seem worse than it is. It may also be the replaced effect itself: if the set contains this
+    effect, its twin gains too little for a claim of its own.
     """
     on_joint = [other for other in search.terms if other.joint == term.joint]
     twins = [other for other in search.terms if are_near_twins(term, other)]
@@ -218,8 +212,8 @@ def _of_near_twins(search: Search, term: Term) -> list[frozenset[Term]]:
     return [frozenset(pair) for pair in (*pairs, *((term, twin) for twin in twins))]
 
 
-def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
-    """True if a coupling of two joints can make the torque of friction on a passive joint that moves with these two."""
+def _is_friction_on_passive_joint(search: Search, term: Term, other: Term) -> bool:
+    """True if ``term`` couples two joints, and can make the torque of ``other`` on a passive joint that they move."""
     passive = search.problem.session.robot.passive_names
     if term.effect.scope != "pair" or other.joint not in passive or other.shape:
         return False
@@ -232,7 +226,7 @@ def can_make_torque(
     """True if the columns ``by`` can make the torque ``columns @ theta``, within the accuracy of the method.
 
     Args:
-        search: Has the products of all columns.
+        search: Search with the products of all columns.
         columns: Columns that make the torque.
         theta: Their coefficients.
         by: The other columns, fitted to that torque.
@@ -253,25 +247,27 @@ def relevant_alternatives(
         search: Fits and scores of sets.
         chosen: A set with ``term`` in it.
         term: The effect to be replaced.
-        slack: How much smaller the gain of an alternative may be than that of the effect, with prices subtracted.
+        slack: Largest difference between the gains of the effect and of an alternative, with prices subtracted.
     """
     remaining = chosen - {term}
-    if term not in search.near:
-        rows = rows_touched_by(search.problem, term)
-        search.near[term] = tuple(
+    if term not in search.alternatives_on_joint:
+        rows = rows_of_term(search.problem, term)
+        search.alternatives_on_joint[term] = tuple(
             others
             for others in alternatives(search, term)
-            if any(rows & rows_touched_by(search.problem, other) for other in others)
+            if any(rows & rows_of_term(search.problem, other) for other in others)
         )
-    near = [
-        others for others in search.near[term] if all(remaining.isdisjoint(search.covering(other)) for other in others)
+    compatible = [
+        others
+        for others in search.alternatives_on_joint[term]
+        if all(remaining.isdisjoint(search.contained_in(other)) for other in others)
     ]
-    singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
+    singles = tuple(other for others in compatible if len(others) == 1 for other in others if other not in remaining)
     explained = explained_loss(search, chosen, term)
     # The estimated gains of nonlinear laws may have errors of a few per cent.
-    least = explained - price(search.sizes[term]) - max(slack, 0.05 * explained)
+    least = explained - price(search.counts[term]) - max(slack, 0.05 * explained)
     gains = search.gains(remaining, singles, above=least, instead_of=term)
-    return tuple(others for others in near if len(others) > 1 or gains.get(next(iter(others)), -np.inf) >= least)
+    return tuple(others for others in compatible if len(others) > 1 or gains.get(next(iter(others)), -np.inf) >= least)
 
 
 def with_replacement(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
@@ -283,6 +279,6 @@ def with_replacement(chosen: frozenset[Term], term: Term, others: frozenset[Term
     return out
 
 
-def _key(chosen: frozenset[Term]) -> list[tuple[int, ...]]:
-    """Sort key that breaks ties independently of the order of a set."""
+def _tie_break(chosen: frozenset[Term]) -> list[tuple[int, ...]]:
+    """Sort key that breaks ties between sets, whatever the order of their elements."""
     return [term.columns for term in ordered(chosen)]

@@ -196,15 +196,17 @@ class NearFits:
 
 
 class _ProjectedColumns:
-    """Columns that may be added to a fit, projected off the free columns of the fit.
+    """Columns that may be added to a fit, minus the part that the free columns of the fit can explain (projection).
 
-    The products of the projected columns are the Schur complement
+    The fit was computed from a solved set. Its free columns differ from those of the solved set by the flipped columns:
+    these are free in the fit and held at a bound in the solved set, or the other way round. So the products of the
+    projected columns are
 
-        square + cross response' - slope_by_flipped among_flipped^-1 flipped_by_wanted'
+        gram + cross response' - slope_by_flipped flipped_response'
 
-    The second term (``response`` is negative for free columns) projects off the free columns of the solved set. The
-    third term corrects for flipped columns: those that are free in the fit and held in the solved set, or the other way
-    round.
+    ``gram`` has the products of the columns as they are. The second term (``response`` is negative for free columns)
+    projects off the free columns of the solved set. The third term corrects for the flipped columns. Actions, responses
+    and slopes are those of `numerics.held_minimum`, in the scaled units of the tableau.
 
     Args:
         solved: The solved set from which the fit was computed.
@@ -217,34 +219,34 @@ class _ProjectedColumns:
         self._wanted, self._problem, free = wanted, solved.problem, ~solved.whole.held
         cross, response, slope, self._scale = solved.entering_parts(wanted)
         entered = solved.entering(new)
-        n, flipped = len(solved.columns), len(found.flipped)
-        places, action = found.action
-        is_solved = places < n
-        products = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
-        products_with_entered = products + cross[:, free] @ entered.response[:, free].T
-        # Response of the slope of each wanted column to each action, and response of each flipped column to a shift of
-        # each wanted one.
-        slope_by_action = np.empty((len(wanted), len(places)))
-        signs = np.where(solved.whole.held[places[is_solved]], 1.0, -1.0)
-        slope_by_action[:, is_solved] = signs * response[:, places[is_solved]]
-        slope_by_action[:, ~is_solved] = products_with_entered[:, places[~is_solved] - n]
-        flipped_by_wanted = slope_by_action[:, :flipped].copy()
-        flipped_by_wanted[:, is_solved[:flipped]] = response[:, places[:flipped][is_solved[:flipped]]]
+        n, flips = len(solved.columns), len(found.flipped)
+        acted_on, actions = found.action  # the flipped columns come first
+        is_solved = acted_on < n
+        gram_with_new = self._problem.total_a[np.ix_(wanted, new)] * self._scale[:, None] * entered.scale
+        # Change of the slope of each wanted column by a unit action on each column.
+        slope_by_action = np.empty((len(wanted), len(acted_on)))
+        signs = np.where(solved.whole.held[acted_on[is_solved]], 1.0, -1.0)
+        slope_by_action[:, is_solved] = signs * response[:, acted_on[is_solved]]
+        slope_by_new = gram_with_new + cross[:, free] @ entered.response[:, free].T
+        slope_by_action[:, ~is_solved] = slope_by_new[:, acted_on[~is_solved] - n]
+        # Change of the state of each flipped column by a unit shift of each wanted column.
+        flipped_by_wanted = slope_by_action[:, :flips].copy()
+        flipped_by_wanted[:, is_solved[:flips]] = response[:, acted_on[:flips][is_solved[:flips]]]
         among_flipped = responses_among(solved.whole, entered, found.flipped)
         self._cross, self._response = cross[:, free], response[:, free]
-        self._slope_by_flipped = slope_by_action[:, :flipped]
+        self._slope_by_flipped = slope_by_action[:, :flips]
         self._flipped_response = np.linalg.solve(among_flipped, flipped_by_wanted.T).T
-        self._slope = (slope + slope_by_action @ action) / self._scale
+        self._slope = (slope + slope_by_action @ actions) / self._scale
 
     def products(self, columns: Int[Array, "g m"]) -> tuple[Float[Array, "g m m"], Float[Array, "g m"]]:
         """Products among the projected columns of each group, with priors, and their products with the residual."""
         at, size = np.searchsorted(self._wanted, columns), columns.shape[1]
-        square = self._problem.total_a[columns[:, :, None], columns[:, None, :]]
-        square[:, np.arange(size), np.arange(size)] += self._problem.precision[columns]
+        gram = self._problem.total_a[columns[:, :, None], columns[:, None, :]]
+        gram[:, np.arange(size), np.arange(size)] += self._problem.precision[columns]
         projection = self._cross[at] @ self._response[at].transpose(0, 2, 1)
         projection = projection - self._slope_by_flipped[at] @ self._flipped_response[at].transpose(0, 2, 1)
         scale = self._scale[at]
-        return square + projection / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
+        return gram + projection / (scale[:, :, None] * scale[:, None, :]), -self._slope[at]
 
 
 def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) -> Float[Array, " B"]:

@@ -12,7 +12,7 @@ from identification.diagnosis.columns.layout import groups_of_joints
 from identification.diagnosis.columns.structure import STRUCTURES
 from identification.diagnosis.columns.terms import merged, shapes_of, untestable_effects
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
-from identification.diagnosis.fit.gap import measured_torque, moved_by
+from identification.diagnosis.fit.gap import comparison_torque, measured_torque
 from identification.diagnosis.judge.regimes import regimes
 from identification.diagnosis.law.joint_residual import inputs_of
 from lab import Prepared
@@ -86,7 +86,7 @@ def test_noise_in_the_computed_torque_of_a_joint_without_a_drive_is_not_foreseen
 def test_the_torque_that_accelerates_its_own_inertia_takes_the_place_of_the_measured_one(idle):
     # Closed form: 1.5 kg at 0.2 m with 0.02 kg m^2 about their centre.
     log = idle.logs[0]
-    (moved,) = moved_by(idle.problem, (np.zeros((len(log.samples), 2)),))
+    (moved,) = comparison_torque(idle.problem, (np.zeros((len(log.samples), 2)),))
     np.testing.assert_allclose(moved[:, ELBOW], log.band((0.02 + 1.5 * 0.2**2) * log.motion.a)[:, ELBOW], atol=1e-9)
     assert not moved[:, 0].any()
     (measured,) = measured_torque(idle.problem)

@@ -23,7 +23,7 @@ from identification.diagnosis.columns.motion.soft_friction import soft_joints
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
-from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, places_among, possible_minimum
+from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, positions_of_bodies, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.imitation import (
     UNCERTAIN,
@@ -53,7 +53,7 @@ from identification.diagnosis.judge.findings.untestable_rivals import beside_unt
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
-from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.claims import rows_of_term
 from identification.engine import contract_levels
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
@@ -131,7 +131,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
     for term in ordered(shown.named):
         without = residual_sums_with(plain, chosen - {term})
         comparison = shown.comparisons[term]
-        rows = rows_touched_by(problem, term)
+        rows = rows_of_term(problem, term)
         if not on_lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not in_sines.isdisjoint(rows)):
             comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
         if not computed_torque.isdisjoint(rows):
@@ -299,7 +299,7 @@ def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, flo
     # The symmetric root is unique; other roots depend on the rounding of the matrix.
     root = (axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
     drawn = own + random_stream("bodies that can exist").standard_normal((_DRAWS, len(own))) @ root
-    bodies = places_among(np.array(term.columns), bodies_of_term(robot, term))
+    bodies = positions_of_bodies(np.array(term.columns), bodies_of_term(robot, term))
     precision, unbounded = solve(cov, np.eye(len(own))), np.full(len(own), np.inf)
     nearest = np.array([_nearest(one, precision, unbounded, bodies) for one in drawn])
     stated, mix = base_parameters(robot, term)

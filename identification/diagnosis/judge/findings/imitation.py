@@ -18,7 +18,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.claims import rows_of_term
 from identification.diagnosis.search.containment import can_join, contains
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search
@@ -63,7 +63,7 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
     if energy <= 0.0:
         return None
     others = [column for other in ordered(chosen) if other is not term for column in other.columns]
-    rows = rows_touched_by(search.problem, term)
+    rows = rows_of_term(search.problem, term)
     pool = [
         other
         for other in search.terms
@@ -74,7 +74,7 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
         and not contains(other, term)
         # Special cases of a law do not imitate it. But free inertial parameters may express a load and other causes.
         and (term.effect.inertial == "free" or not contains(term, other))
-        and not rows.isdisjoint(rows_touched_by(search.problem, other))
+        and not rows.isdisjoint(rows_of_term(search.problem, other))
     ]
     taken: tuple[Term, ...] = ()
     for _ in range(_MOST + 1):

@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.full_fit import FullFit
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.search.rival_sets import EffectJoint
+from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import with_replacement
 from identification.gates import special_case

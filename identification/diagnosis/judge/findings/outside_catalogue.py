@@ -14,9 +14,10 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.result import Rival
-from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.claims import rows_of_term
 from identification.diagnosis.search.fair_costs import costs_of
-from identification.diagnosis.search.rival_sets import RivalComparison, is_far_worse
+from identification.diagnosis.search.rival_candidates import is_far_worse
+from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import explained_loss, with_replacement
 from identification.engine import contract_levels
@@ -78,12 +79,12 @@ def _share_of_known(
 
 def _sets_with_structure(search: Search, chosen: frozenset[Term], term: Term) -> list[frozenset[Term]]:
     """Sets in which a structure on a joint of a finding replaces the finding; sets that fit far worse are left out."""
-    rows, others = rows_touched_by(search.problem, term), chosen - {term}
+    rows, others = rows_of_term(search.problem, term), chosen - {term}
     swapped = [
         with_replacement(chosen, term, search.alone[structure])
         for structure in search.terms
         if not structure.named
-        and not rows.isdisjoint(rows_touched_by(search.problem, structure))
+        and not rows.isdisjoint(rows_of_term(search.problem, structure))
         and search.can_join(others, structure)
     ]
     return [one for one in dict.fromkeys(swapped) if not is_far_worse(search, chosen, one, priced=True)]

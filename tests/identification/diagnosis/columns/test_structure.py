@@ -150,7 +150,7 @@ def test_structures_are_not_in_the_catalogue():
 
 def test_a_structure_touches_its_own_joint_only_but_a_wrong_position_those_of_its_branch(quiet):
     touched = {
-        e.name: {k for c in quiet.term(e.name, "shoulder").columns for k in quiet.problem.touched[c]}
+        e.name: {k for c in quiet.term(e.name, "shoulder").columns for k in quiet.problem.rows_of_column[c]}
         for e in STRUCTURES
     }
     assert touched == {effect.name: {0, 1} if effect.name in ("reading", "balance") else {0} for effect in STRUCTURES}

@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from identification.diagnosis.fit.fitting import active_columns, fit, predict
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, judged_blocks, residual_after, residual_sums
-from identification.diagnosis.fit.point_mass import point_mass_map
+from identification.diagnosis.fit.point_mass import point_mass_jacobian
 from identification.diagnosis.fit.problem import set_up
 from identification.engine.numerics.bounded import bounded_solve
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -146,14 +146,14 @@ def test_an_empty_fit_predicts_the_given_model_where_it_is_trusted(lab, planar2,
 def test_the_map_of_a_point_mass_is_exact_at_its_start(start):
     start = np.array(start)
     np.testing.assert_allclose(
-        point_mass_map(start, np.zeros(6)) @ start, point_mass_parameters(start[0], start[1:] / start[0])
+        point_mass_jacobian(start, np.zeros(6)) @ start, point_mass_parameters(start[0], start[1:] / start[0])
     )
 
 
 @pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0]])
 def test_the_slope_of_a_point_mass_is_that_of_finite_differences(start):
     start, step = np.array(start), 1e-6
-    jacobian = point_mass_map(start, np.zeros(6))
+    jacobian = point_mass_jacobian(start, np.zeros(6))
     for k, unit in enumerate(np.eye(4)):
         more, less = start + step * unit, start - step * unit
         slope = point_mass_parameters(more[0], more[1:] / more[0]) - point_mass_parameters(less[0], less[1:] / less[0])
@@ -161,7 +161,9 @@ def test_the_slope_of_a_point_mass_is_that_of_finite_differences(start):
 
 
 def test_a_point_mass_without_mass_has_no_inertia():
-    np.testing.assert_array_equal(point_mass_map(np.zeros(4), np.zeros(6)), np.vstack([np.eye(4), np.zeros((6, 4))]))
+    np.testing.assert_array_equal(
+        point_mass_jacobian(np.zeros(4), np.zeros(6)), np.vstack([np.eye(4), np.zeros((6, 4))])
+    )
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,13 @@ from scipy.stats import chi2
 
 from identification.diagnosis.fit.covariance import covariance
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.repeated_error import GROUPS, equations, repeated_variance, scatter, state_groups
+from identification.diagnosis.fit.repeated_error import (
+    STATE_GROUPS,
+    equations,
+    repeated_variance,
+    scatter,
+    state_groups,
+)
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.judged_band import plain_search
 
@@ -60,11 +66,11 @@ def test_what_comes_again_at_a_state_widens_a_number_as_it_scatters_over_robots(
     slopes, states, blocks = design
     off = 0.3
     inverse = np.linalg.inv(slopes.T @ slopes)
-    sums = np.array([slopes[states == g].sum(axis=0) for g in range(GROUPS)])
+    sums = np.array([slopes[states == g].sum(axis=0) for g in range(STATE_GROUPS)])
     truth = np.diag(inverse + off**2 * inverse @ sums.T @ sums @ inverse)
     stated, blind = np.zeros(3), np.zeros(3)
     for _ in range(200):
-        torque = off * rng.standard_normal(GROUPS)[states] + rng.standard_normal(len(states))
+        torque = off * rng.standard_normal(STATE_GROUPS)[states] + rng.standard_normal(len(states))
         residual = left_by_fit(slopes, torque)
         repeated = repeated_variance(slopes, residual, slopes.T @ slopes, (states,), blocks)
         stated += np.diag(sandwich(slopes, blocks, residual, repeated)) / 200
@@ -119,7 +125,7 @@ def test_a_joint_is_at_a_state_of_its_own_in_every_equation(lab, planar2):
     given, _, _ = fitted_as_coulomb(lab, planar2, lab.motion(2, 4), "coulomb_friction", 0.6)
     for states in given.states:
         members = np.unique(states, return_counts=True)[1]
-        assert len(members) == 2 * GROUPS
+        assert len(members) == 2 * STATE_GROUPS
         assert np.ptp(members) <= 1
 
 

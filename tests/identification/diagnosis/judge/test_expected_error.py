@@ -11,7 +11,7 @@ import pytest
 from identification.diagnosis.fit.gap import ResidualSums
 from identification.diagnosis.judge.bursts import Causes, _variance, expected_error, moving_torque
 from identification.diagnosis.judge.coarse_encoders import CoarseRounding, coarse_findings, coarse_rounding
-from identification.diagnosis.noise.encoder_noise import Coarse
+from identification.diagnosis.noise.encoder_noise import CoarseJoint
 from identification.gates.coarse_reading import coarser_than_stated
 
 N = 4000
@@ -133,8 +133,8 @@ def test_samples_with_the_usual_torque_and_doubt_are_calm():
 FLOOR = np.array([0.1, 0.2])
 
 
-def coarse_elbow(*torque: np.ndarray) -> Coarse:
-    return Coarse(1, 2e-3, torque, torque, coarser_than_stated(2.0))
+def coarse_elbow(*torque: np.ndarray) -> CoarseJoint:
+    return CoarseJoint(1, 2e-3, torque, torque, coarser_than_stated(2.0))
 
 
 def found(energy: list[float], gap: float, samples: float = 400.0):

@@ -25,7 +25,7 @@ from identification.diagnosis.judge.floors import (
     torque_above_band,
     uncertain_squares,
 )
-from identification.diagnosis.noise.repetitions import Repeated
+from identification.diagnosis.noise.repetitions import RepetitionNoise
 from identification.diagnosis.noise.sensor_floor import SensorFloor
 from identification.diagnosis.noise.sensor_noise import Density
 from identification.engine.resampling import block_counts
@@ -262,8 +262,8 @@ def test_what_does_not_repeat_is_the_floor_where_it_is_less_than_all_else(
 ):
     # By hand: it counts from 2.65 % of 3 N m on, 0.079 N m; what drifts does not repeat and is foreseen.
     seen(monkeypatch, None, None)
-    shown = (Repeated(repeated, 0.01), None)
-    monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: shown)
+    shown = (RepetitionNoise(repeated, 0.01), None)
+    monkeypatch.setattr("identification.diagnosis.judge.floors.repetition_noise", lambda *_: shown)
     floor = floor_by_predictors(*steady, like(steady, left, 9.0), sure(steady))
     assert floor.source == (source, "predictors")
     assert floor.value[0] == pytest.approx(value)
@@ -272,7 +272,9 @@ def test_what_does_not_repeat_is_the_floor_where_it_is_less_than_all_else(
 def test_the_interval_of_what_does_not_repeat_is_that_of_its_error(steady, monkeypatch):
     # Closed form: a log-normal estimate, 5 % over two joints.
     seen(monkeypatch, None, None)
-    monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: (Repeated(0.02, 0.1), None))
+    monkeypatch.setattr(
+        "identification.diagnosis.judge.floors.repetition_noise", lambda *_: (RepetitionNoise(0.02, 0.1), None)
+    )
     floor = floor_by_predictors(*steady, like(steady, 9.0, 9.0), sure(steady))
     assert floor.low[0] == pytest.approx(0.02 * np.exp(-0.1 * norm.ppf(0.9875)))
     assert floor.high[0] == pytest.approx(np.hypot(0.02 * np.exp(0.1 * norm.ppf(0.9875)), 0.003))
@@ -330,7 +332,7 @@ def floor(quiet):
 
     def of(before=BEFORE, rising=0.0):
         nothing = tuple(np.zeros_like(part) for part in quiet.noise)
-        sensed = replace(made, floor=replace(SENSED, rising=np.array([rising, 0.0])))
+        sensed = replace(made, floor=replace(SENSED, limit_if_rising=np.array([rising, 0.0])))
         return floor_by_sensors(before, sensed, quiet.problem, quiet.noise, nothing, nothing)
 
     return of

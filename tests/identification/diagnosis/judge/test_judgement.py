@@ -238,11 +238,11 @@ def test_without_any_noise_the_floor_is_a_millionth_of_the_torque(quiet):
 
 
 def test_a_plain_search_keeps_thresholds_and_spurious_gains(rough):
-    search = replace(rough.search, spurious={("payload", None): 7.0}, rows=RowGaps(np.array([1.0, 2.0]), np.zeros(2)))
+    search = replace(rough.search, spurious={("payload", None): 7.0}, gaps=RowGaps(np.array([1.0, 2.0]), np.zeros(2)))
     plain = plain_search(search, rough.noise)
     assert plain.threshold == search.threshold
     assert plain.spurious == search.spurious
-    assert plain.rows is search.rows
+    assert plain.gaps is search.gaps
 
 
 @pytest.mark.parametrize(("share", "smoothed"), [(0.5, True), (0.98, True), (0.995, False)])

@@ -277,9 +277,9 @@ def test_noise_may_imitate_what_shows_in_the_acceleration_or_at_reversals(quiet,
 
 def test_claims_of_a_loud_search_are_measured_by_what_is_left_in_its_band(quiet):
     # By hand: the whole loss of the tolerance parameters alone less one for each sample, whatever another band has.
-    wide = replace(quiet.search, rows=RowGaps(np.full(2, 1e9), np.full(2, 1e9)))
+    wide = replace(quiet.search, gaps=RowGaps(np.full(2, 1e9), np.full(2, 1e9)))
     loud, _ = strong_motion_search(wide, frozenset(), frozenset([quiet.term("coulomb_friction", "elbow")]), quiet.noise)
     left = loud.held_out_fit(frozenset()).row_losses
     counts = [row.count.sum() for row in loud.problem.grams.rows]
-    np.testing.assert_allclose(loud.rows.gap, np.maximum(left - counts, 0.0), rtol=1e-9)
-    assert np.all(loud.rows.accuracy < 1e9)
+    np.testing.assert_allclose(loud.gaps.gap, np.maximum(left - counts, 0.0), rtol=1e-9)
+    assert np.all(loud.gaps.accuracy < 1e9)

@@ -23,7 +23,7 @@ def gains(prepared) -> np.ndarray:
         [
             base
             - fit(prepared.problem, (term,)).total
-            - max(price(search.sizes[term]) - above_chance.PARAMETER_PRICE, 0.0)
+            - max(price(search.counts[term]) - above_chance.PARAMETER_PRICE, 0.0)
             for term in search.terms
         ]
     )

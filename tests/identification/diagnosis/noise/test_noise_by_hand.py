@@ -12,8 +12,8 @@ import pytest
 from identification.diagnosis.columns.motion.standstill import reversal_std
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
-from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST, discrepancy, slow_samples
-from identification.diagnosis.noise.noise_floor import _plain_first, noise_without, smaller_noise, weights_of
+from identification.diagnosis.noise.discrepancy import DRIVE_CLASSES, MOST_DRIVE_ERROR, discrepancy, slow_samples
+from identification.diagnosis.noise.noise_floor import _plain_first, noise_without_remainder, smaller_noise, weights_of
 from identification.diagnosis.noise.whitening import (
     autocovariance,
     filtered,
@@ -141,7 +141,7 @@ def test_the_share_of_a_trace_is_that_of_least_squares_and_all_of_it_at_most(qui
     torque = {tried: tuple(5.0 + part for part in trace), chosen: tuple(5.0 + 0.0 * part for part in trace)}
     weights = Weights(np.array([0.5, 2.0]), np.ones(2))
     search = leaving(two_logs(quiet), torque=torque, weights=weights)
-    left, gain = noise_without(search, tried, chosen, tuple(noise))
+    left, gain = noise_without_remainder(search, tried, chosen, tuple(noise))
     np.testing.assert_allclose(np.concatenate(left), across + whole * [0.0, 2.0], atol=1e-9)
     # What the weighted square has come down by.
     taken = (across + whole * [0.4, 3.0]) ** 2 - np.concatenate(left) ** 2
@@ -154,7 +154,7 @@ def test_a_row_with_the_opposite_of_a_trace_stays_and_others_do_not(leaving, qui
     trace = tuple(rng.normal(size=(count, 2)) for count in (30, 10))
     torque = {tried: trace, chosen: tuple(0.0 * part for part in trace)}
     search = leaving(two_logs(quiet), torque=torque, weights=Weights(np.ones(2), np.ones(2)))
-    left, gain = noise_without(search, tried, chosen, tuple(part * shares for part in trace))
+    left, gain = noise_without_remainder(search, tried, chosen, tuple(part * shares for part in trace))
     for part, own in zip(left, trace, strict=True):
         np.testing.assert_allclose(part, own * np.minimum(shares, 0.0), atol=1e-12)
     assert bool(gain > 0) is (max(shares) > 0)
@@ -173,7 +173,7 @@ def found(session, torque, **changes):
 
 def test_it_is_never_less_than_the_share_of_the_torque(session):
     torque = np.array([2.0, 10.0])
-    assert np.all(found(session, torque) >= DRIVE_CLASSES["command"].of_torque * torque - 1e-15)
+    assert np.all(found(session, torque) >= DRIVE_CLASSES["command"].torque_error * torque - 1e-15)
 
 
 def test_it_is_never_more_than_the_most(session):
@@ -181,7 +181,7 @@ def test_it_is_never_more_than_the_most(session):
     small = np.array([1e-3, 1e-3])
     robot = with_friction(session.robot, session.robot.joint_names[0], viscous=0.0, coulomb=5.0)
     rubbing = replace(session, robot=robot)
-    assert found(rubbing, small)[0] == pytest.approx(MOST * 1e-3)
+    assert found(rubbing, small)[0] == pytest.approx(MOST_DRIVE_ERROR * 1e-3)
 
 
 def test_friction_at_reversals_adds_to_it(session):

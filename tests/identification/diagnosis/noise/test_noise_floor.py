@@ -7,10 +7,10 @@ from identification.diagnosis.fit.gap import held_out_torque
 from identification.diagnosis.noise.noise_floor import (
     estimate_noise,
     noise_floor,
-    noise_without,
-    quieter_in_band,
+    noise_without_remainder,
     rms,
     smaller_noise,
+    smaller_noise_in_band,
     weights_of,
 )
 
@@ -102,7 +102,7 @@ def test_the_trace_of_an_effect_is_taken_out_of_the_noise(rubbing, rng):
     # Known truth: white noise with two fifths of what held-out fits of the friction predict.
     tried = frozenset([rubbing.term("coulomb_friction", "elbow")])
     noise = 0.05 * rng.standard_normal(rubbing.columns.residual[0].shape) * rubbing.columns.usable[0]
-    left, gain = noise_without(
+    left, gain = noise_without_remainder(
         rubbing.search, tried, frozenset(), (noise + 0.4 * trace_of(rubbing, tried) * rubbing.columns.usable[0],)
     )
     np.testing.assert_allclose(left[0], noise, atol=0.2 * 0.05)
@@ -114,7 +114,7 @@ def test_noise_without_a_trace_stays_as_it_is(rubbing, rng):
     tried = frozenset([rubbing.term("coulomb_friction", "elbow")])
     noise = 0.001 * rng.standard_normal(rubbing.columns.residual[0].shape) - trace_of(rubbing, tried)
     noise *= rubbing.columns.usable[0]
-    left, gain = noise_without(rubbing.search, tried, frozenset(), (noise,))
+    left, gain = noise_without_remainder(rubbing.search, tried, frozenset(), (noise,))
     np.testing.assert_allclose(left[0][:, 1], noise[:, 1])
     assert gain < 5
 
@@ -142,6 +142,6 @@ def test_a_row_gets_the_noise_that_is_smaller_in_the_judged_band_and_not_below_t
     # By hand: rows of constant size.
     every = tuple(np.ones_like(part) for part in quiet.noise)
     noise, inside = (tuple(size * part for part in every) for size in (0.2, other))
-    out = quieter_in_band(quiet.session, quiet.columns, noise, inside, np.array([least, np.inf]))
+    out = smaller_noise_in_band(quiet.session, quiet.columns, noise, inside, np.array([least, np.inf]))
     np.testing.assert_allclose(out[0][:, 0], other if taken else 0.2)
     np.testing.assert_allclose(out[0][:, 1], 0.2)

@@ -9,7 +9,7 @@ from identification.data.log import Log
 from identification.data.signals import low_pass
 from identification.diagnosis.columns.own_effects import Differences
 from identification.diagnosis.columns.session import Session, session_of_logs
-from identification.diagnosis.noise.repetitions import repeated_noise, repetitions
+from identification.diagnosis.noise.repetitions import repetition_noise, repetitions
 from phantom_dyn import load_robot
 from phantom_dyn.motion import Motion
 from places import ROBOTS
@@ -59,7 +59,7 @@ def everywhere(residual: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 
 def found(session: Session, rng) -> tuple:
     residual = noisy(session, rng)
-    return repeated_noise(session, residual, everywhere(residual))
+    return repetition_noise(session, residual, everywhere(residual))
 
 
 def test_a_motion_that_comes_again_shows_the_noise_and_not_the_error_of_the_model(rng):
@@ -113,7 +113,7 @@ def test_samples_that_do_not_count_say_nothing(rng):
     residual = noisy(session, rng)
     use = everywhere(residual)
     use[0][:, 0] = False
-    seen = repeated_noise(session, residual, use)
+    seen = repetition_noise(session, residual, use)
     assert seen[0] is None
     assert seen[1].value == pytest.approx(SIGMA[1], rel=0.1)
 
@@ -147,7 +147,7 @@ def counting(residual: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 def test_repetitions_of_a_loose_servo_show_the_noise(rng):
     session = session_with(*(loose_log(**how) for how in LOOSELY))
     residual = slow_noise(session, rng, 1.0)
-    first, second = repeated_noise(session, residual, everywhere(residual), counting(residual))
+    first, second = repetition_noise(session, residual, everywhere(residual), counting(residual))
     assert first is not None
     assert first.value == pytest.approx(SIGMA[0], rel=0.15)
     # A twentieth of the model's error is as large as this joint's noise.
@@ -158,10 +158,10 @@ def test_loose_repetitions_are_not_compared_where_loads_differ(rng):
     session = session_with(*(loose_log(**how) for how in LOOSELY))
     differing = replace(session, differences=Differences(robots=(session.robot,) * 3))
     residual = slow_noise(session, rng, 1.0)
-    assert repeated_noise(differing, residual, everywhere(residual), counting(residual)) == (None, None)
+    assert repetition_noise(differing, residual, everywhere(residual), counting(residual)) == (None, None)
 
 
 def test_a_motion_that_differs_by_a_fifth_is_no_repetition(rng):
     session = session_with(log_of(0.9 * PERIOD), log_of(0.9 * PERIOD, sway=1.25))
     residual = slow_noise(session, rng, 0.0)
-    assert repeated_noise(session, residual, everywhere(residual), counting(residual)) == (None, None)
+    assert repetition_noise(session, residual, everywhere(residual), counting(residual)) == (None, None)

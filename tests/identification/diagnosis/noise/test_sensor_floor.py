@@ -13,7 +13,7 @@ from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.noise.sensor_floor import (
     _mean_density,
     _smaller_density,
-    joints_that_rise,
+    joints_with_rising_noise,
     sensed_noise,
     sensor_floor,
 )
@@ -81,7 +81,7 @@ def test_noise_of_the_encoders_begins_the_interval_in_which_that_of_the_torque_m
 
 def test_what_readings_show_counts_up_to_the_limit_where_encoders_hide_the_noise_of_the_balance():
     # Closed form. On a simulated arm with 16 bits the value was a tenth of the noise that its readings have.
-    hidden = Density(0.25, 0.0, 4.0, may_be_nothing=True)
+    hidden = Density(0.25, 0.0, 4.0, only_high_known=True)
     assert _smaller_density(Density(3.0, 2.9, 3.1), hidden) == Density(3.0, 0.0, 4.0)
     assert _smaller_density(Density(9.0, 8.9, 9.1), hidden) == Density(4.0, 0.0, 4.0)
     assert _smaller_density(None, hidden) == hidden
@@ -103,22 +103,22 @@ def test_noise_behind_a_lag_may_be_as_large_in_the_band_as_it_is(made):
     # Known truth: most noise has a corner at 1 Hz, within the band, and is more than its density above the band says.
     session, true = made(noise=0.05, lagging=2.0)
     found = floors(session)
-    assert np.all((found.high < true) & (true < found.rising))
+    assert np.all((found.high < true) & (true < found.limit_if_rising))
 
 
 def test_white_noise_does_not_rise(made):
-    assert not floors(made()[0]).rising.any()
+    assert not floors(made()[0]).limit_if_rising.any()
 
 
 def test_noise_rises_on_all_joints_if_it_does_on_most():
-    rises, white = Density(1.0, 0.5, 2.0, rises=True, rising=8.0), Density(1.0, 0.5, 2.0, rising=4.0)
-    assert joints_that_rise([rises, None, white, rises]) == [True, False, True, True]
-    assert joints_that_rise([rises, None, white]) == [True, False, False]
+    rises, white = Density(1.0, 0.5, 2.0, rises=True, limit_if_rising=8.0), Density(1.0, 0.5, 2.0, limit_if_rising=4.0)
+    assert joints_with_rising_noise([rises, None, white, rises]) == [True, False, True, True]
+    assert joints_with_rising_noise([rises, None, white]) == [True, False, False]
 
 
 def test_noise_rises_in_the_mean_if_it_does_in_one_recording():
-    rises, white = Density(1.0, 0.5, 2.0, rises=True, rising=8.0), Density(1.0, 0.5, 4.0, rising=4.0)
-    assert _mean_density([rises, white], [1.0, 1.0]) == Density(1.0, 0.5, 3.0, rises=True, rising=6.0)
+    rises, white = Density(1.0, 0.5, 2.0, rises=True, limit_if_rising=8.0), Density(1.0, 0.5, 4.0, limit_if_rising=4.0)
+    assert _mean_density([rises, white], [1.0, 1.0]) == Density(1.0, 0.5, 3.0, rises=True, limit_if_rising=6.0)
     assert _mean_density([white, None], [1.0, 1.0]) == white
 
 

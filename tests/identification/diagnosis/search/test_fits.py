@@ -21,7 +21,7 @@ from identification.diagnosis.judge.shares import residual_sums_with
 from identification.diagnosis.search import claims as claims_module
 from identification.diagnosis.search import fits
 from identification.diagnosis.search.claims import energy_by_block, least_gain, passes_gates
-from identification.diagnosis.search.fits import Fits, SearchWithoutEnd
+from identification.diagnosis.search.fits import FitLimitReached, Fits
 from identification.diagnosis.search.record import Record
 from identification.diagnosis.search.search import RowGaps
 from identification.diagnosis.search.subset_residuals import subset_residuals
@@ -49,7 +49,7 @@ def test_a_limit_of_fits_counts_those_at_the_positions_as_read_and_ends_with_the
     for chosen in (rub, load):
         limited.held_out(chosen)
     for chosen in (rub | load, frozenset[Term]()):
-        with pytest.raises(SearchWithoutEnd):
+        with pytest.raises(FitLimitReached):
             limited.held_out(chosen)
     limited.without_limit()
     assert limited.of(load) is not limited
@@ -196,7 +196,7 @@ def test_a_gain_is_claimed_only_if_it_is_above_the_threshold_on_held_out_data_an
 def test_a_gain_counts_on_joints_where_it_closes_a_hundredth_of_the_gap(quiet, by_row, least):
     # By hand: chance gives 10; fair parts are 100 on the first joint and 1 on the second. In the third case 20 are 10
     # on the second joint, in the last 105 are 100 on the first.
-    search = replace(quiet.search, rows=RowGaps(np.array([1e4, 1e2]), np.zeros(2)))
+    search = replace(quiet.search, gaps=RowGaps(np.array([1e4, 1e2]), np.zeros(2)))
     one = frozenset([quiet.term("base_tilt", None)])
     assert least_gain(search, one, frozenset(), np.array(by_row)) == pytest.approx(least)
 
@@ -208,7 +208,7 @@ def test_what_an_exact_law_has_closed_is_no_gap_that_the_next_claim_has_to_close
     motion = lab.motion(2)
     torque = lab.acting(planar2, motion, "torque_offset", "elbow", 2.0)
     made = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-    search = replace(made.search, rows=RowGaps(np.array([1e4, 1e4]), np.zeros(2)))
+    search = replace(made.search, gaps=RowGaps(np.array([1e4, 1e4]), np.zeros(2)))
     claim, there = (frozenset([made.term(name, "elbow")]) for name in ("viscous_friction", beside))
     assert least_gain(search, claim, there, np.array([0.0, 1.0])) == pytest.approx(least)
 

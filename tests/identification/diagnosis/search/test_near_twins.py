@@ -24,7 +24,7 @@ from identification.diagnosis.judge.findings.imitation import (
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import claims, swaps
 from identification.diagnosis.search import search as search_module
-from identification.diagnosis.search.claims import _torque_beside_twins, backward_elimination
+from identification.diagnosis.search.claims import _torque_with_twins, backward_elimination
 from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.fair_costs import weighted_by_rarity
 from identification.diagnosis.search.plausible_sizes import implausible_size, rarity
@@ -88,8 +88,8 @@ def test_beside_its_twin_an_effect_is_measured_by_the_torque_that_it_makes(servo
     rich = servo.search.held_out_fit(frozenset([late, viscous]))
     (column,) = viscous.columns
     made = rich.theta[column] ** 2 * rich.problem.total_a[column, column]
-    assert _torque_beside_twins(frozenset([viscous]), frozenset([late]), rich) == pytest.approx(made)
-    assert _torque_beside_twins(frozenset([viscous]), frozenset([dry]), rich) == 0.0
+    assert _torque_with_twins(frozenset([viscous]), frozenset([late]), rich) == pytest.approx(made)
+    assert _torque_with_twins(frozenset([viscous]), frozenset([dry]), rich) == 0.0
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.judge.findings import shown
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search import richer_laws
+from identification.diagnosis.search import richer_laws, rival_candidates
 from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.fair_costs import costs_of, without_method_errors
 from identification.diagnosis.search.richer_laws import odds_of_richer
@@ -365,8 +365,9 @@ def test_a_rival_is_left_out_only_where_it_is_hopeless_in_the_judged_band_too(
         searches.append(one)
         return everywhere or one is search
 
-    monkeypatch.setattr(rivals, "is_far_worse", hopeless)
-    options, _, _ = rivals._candidate_sets(search, frozenset([term]), term, frozenset(), (other,), sound=True)
+    monkeypatch.setattr(rival_candidates, "is_far_worse", hopeless)
+    chosen = frozenset([term])
+    options, _, _ = rival_candidates.candidate_sets(search, chosen, term, frozenset(), (other,), must_fit_well=True)
     assert len({id(one) for one in searches}) == asked
     assert (len(options) > 1) == (band and not everywhere)
 

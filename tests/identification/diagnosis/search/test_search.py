@@ -5,10 +5,10 @@ import pytest
 
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.search import stepwise
-from identification.diagnosis.search.claims import rows_touched_by
+from identification.diagnosis.search.claims import rows_of_term
 from identification.diagnosis.search.containment import can_join, contains, relations, with_term
 from identification.diagnosis.search.record import Record
-from identification.diagnosis.search.search import Threshold, price, ranks_of
+from identification.diagnosis.search.search import Threshold, parameter_counts, price
 from identification.diagnosis.search.stepwise import forward_selection, stepwise_search
 from identification.diagnosis.search.swaps import alternatives, with_replacement
 from identification.gates import above_chance
@@ -122,7 +122,7 @@ def test_the_order_of_terms_is_that_of_their_columns(quiet):
 )
 def test_the_rank_of_an_effect_is_its_number_of_independent_directions(quiet, effect, joint, rank):
     term = quiet.term(effect, joint)
-    assert ranks_of(quiet.problem, (term,)) == {term: rank}
+    assert parameter_counts(quiet.problem, (term,)) == {term: rank}
 
 
 def test_an_effect_of_a_joint_that_rests_is_no_rival(lab, planar2):
@@ -130,7 +130,7 @@ def test_an_effect_of_a_joint_that_rests_is_no_rival(lab, planar2):
     held = Motion(motion.t, motion.q * [1, 0], motion.v * [1, 0], motion.a * [1, 0])
     prepared = lab.prepared(planar2, (replace(lab.recording(planar2, held), q=held.q),))
     at_rest = prepared.term("viscous_friction", "elbow")
-    assert ranks_of(prepared.problem, (at_rest,)) == {at_rest: 0}
+    assert parameter_counts(prepared.problem, (at_rest,)) == {at_rest: 0}
     assert at_rest not in prepared.search.terms
 
 
@@ -199,11 +199,11 @@ def test_the_search_tells_what_it_does(quiet):
 
 
 def test_what_gives_way_and_what_contains_is_looked_up_as_it_is_computed(quiet):
-    displacing, covering = relations(quiet.columns.terms)
+    removed_by, contained_in = relations(quiet.columns.terms)
     everything = frozenset(quiet.columns.terms)
     for term in quiet.columns.terms:
-        assert displacing(term) == {other for other in everything if term not in with_term({term}, other)} | {term}
-        assert covering(term) == {other for other in everything if contains(other, term)}
+        assert removed_by(term) == {other for other in everything if term not in with_term({term}, other)} | {term}
+        assert contained_in(term) == {other for other in everything if contains(other, term)}
 
 
 def test_what_is_possible_is_looked_up_as_it_is_computed(quiet):
@@ -311,10 +311,10 @@ class Outside:
     def __init__(self, problem, terms, scores):
         self.problem, self.terms, self.scores = problem, terms, scores
         self.threshold, self.record = Threshold(5.0, {}), Record()
-        self.sizes = {term: 4 for term in terms}
+        self.counts = {term: 4 for term in terms}
 
-    def sizes_of(self, terms):
-        return sum(self.sizes[term] for term in terms)
+    def parameter_count(self, terms):
+        return sum(self.counts[term] for term in terms)
 
     def score(self, chosen):
         return self.scores[chosen]
@@ -339,14 +339,14 @@ def test_of_one_law_with_fewer_numbers_than_several_effects_nothing_is_asked(qui
     drag = quiet.term("drag", "elbow")
     gone = frozenset([quiet.term("viscous_friction", "elbow"), quiet.term("stribeck_friction", "elbow")])
     search = Outside(quiet.search.problem, (drag, *gone), {})
-    search.sizes = {term: numbers for term in gone} | {drag: 5}
+    search.counts = {term: numbers for term in gone} | {drag: 5}
     assert stepwise._least_nameless_gain(search, drag, gone, 2.0, in_one_sine=in_one_sine) == needed
 
 
 def test_a_single_effect_does_not_imitate_a_structure_whatever_its_numbers(quiet):
     drag, gone = quiet.term("drag", "elbow"), quiet.term("direction_dependent_friction", "elbow")
     search = Outside(quiet.search.problem, (drag, gone), {})
-    search.sizes = {drag: 2, gone: 4}
+    search.counts = {drag: 2, gone: 4}
     assert stepwise._least_nameless_gain(search, drag, frozenset([gone]), 2.0, in_one_sine=False) == 7.0
 
 
@@ -354,10 +354,10 @@ def test_a_structure_makes_needless_no_effect_that_touches_none_of_its_joints(qu
     # Oracle: the statement itself. `passes_gates` says no to all that it is asked, so all that is doubted goes.
     problem, terms = quiet.search.problem, quiet.search.terms
     structure = next(term for term in terms if not term.named)
-    rows = rows_touched_by(problem, structure)
+    rows = rows_of_term(problem, structure)
     friction = [term for term in terms if term.effect.name == "viscous_friction"]
-    here = next(term for term in friction if rows_touched_by(problem, term) & rows)
-    elsewhere = next(term for term in friction if not rows_touched_by(problem, term) & rows)
+    here = next(term for term in friction if rows_of_term(problem, term) & rows)
+    elsewhere = next(term for term in friction if not rows_of_term(problem, term) & rows)
     chosen, nothing = frozenset([here, elsewhere]), frozenset()
     scores = {chosen: 400.0, chosen | {structure}: 350.0, frozenset([structure, elsewhere]): 300.0}
     asked = []

@@ -9,7 +9,7 @@ import phantom_dyn as dyn
 from identification.diagnosis.fit.gap import RowGaps
 from identification.diagnosis.search import stepwise
 from identification.diagnosis.search.claims import passes_gates
-from identification.diagnosis.search.containment import is_beside_parts
+from identification.diagnosis.search.containment import has_parts_in
 from identification.diagnosis.search.swaps import alternatives, parts_of
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from places import ROBOTS
@@ -60,9 +60,9 @@ def test_a_number_of_several_joints_does_not_replace_a_part_of_it_on_one_of_them
 def test_which_numbers_of_several_joints_are_beside_parts_of_theirs(quiet):
     whole, single = (quiet.term("torque_constant", joint) for joint in ("shoulder+elbow", "elbow"))
     beside = frozenset([quiet.term("viscous_friction", "elbow")])
-    assert is_beside_parts(beside, whole)
-    assert not is_beside_parts(beside, single)
-    assert not is_beside_parts(frozenset([quiet.term("torque_offset", "elbow")]), whole)
+    assert has_parts_in(beside, whole)
+    assert not has_parts_in(beside, single)
+    assert not has_parts_in(frozenset([quiet.term("torque_offset", "elbow")]), whole)
 
 
 def test_friction_too_small_to_be_claimed_counts_against_one_torque_constant_for_all(lab, arm):
@@ -166,10 +166,10 @@ def test_a_torque_constant_is_found_beside_much_friction_that_the_model_lacks(la
     size = 6.0 * needed.std(axis=0)
     whole = 0.7 * (needed + size * (np.sign(motion.v) + motion.v))
     bare = lab.prepared(planar2, (lab.recording(planar2, motion, needed - whole, noise=0.01),)).search
-    search = replace(bare, rows=RowGaps(bare.fits.row_losses(frozenset()), np.zeros(2)))
+    search = replace(bare, gaps=RowGaps(bare.fits.row_losses(frozenset()), np.zeros(2)))
     laws = frozenset(term for term in search.terms if term.effect_joint in friction("shoulder", "elbow"))
     scale = next(term for term in search.terms if term.effect_joint == ("torque_constant", "shoulder+elbow"))
-    assert search.fits.row_losses(laws).sum() < 0.01 * search.rows.gap.sum()
+    assert search.fits.row_losses(laws).sum() < 0.01 * search.gaps.gap.sum()
     assert passes_gates(search, laws | {scale}, laws)
     assert places(stepwise.stepwise_search(search, lambda _: None)) == places(laws | {scale})
 

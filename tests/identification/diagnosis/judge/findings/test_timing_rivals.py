@@ -77,6 +77,6 @@ def test_losses_on_a_part_of_the_data_replace_those_of_the_whole_search(late, mo
     search, chosen = prepared.search, frozenset([lag])
     loss = np.full(len(search.held_out_fit(chosen).loss), more)
     compared = compare_with_rivals(
-        replace(search, terms=(lag, delay)), chosen, lag, losses_beyond={frozenset([delay]): loss}
+        replace(search, terms=(lag, delay)), chosen, lag, partial_losses={frozenset([delay]): loss}
     )
     assert compared.probability == pytest.approx(probability)
