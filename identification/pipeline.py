@@ -221,7 +221,7 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
         without_gain_ambiguities(judgement, session.recordings, rollout, robot), rollout
     )
     # Effects of single recordings explain changes between recordings. A further motion cannot separate their rivals.
-    between = bool(session.differences.own)
+    between = bool(session.differences.effects)
     judgement = with_user_words(with_catalogue_names(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
     brakes = tuple(Note(Code.BRAKED, joint, {"file": log.file}) for log in session.logs for joint in log.braked)

@@ -48,7 +48,7 @@ def _unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
         judgement: Verdict and noise of each joint.
     """
     session = problem.session
-    stated = bool(session.differences.own)
+    stated = bool(session.differences.effects)
     if len(session.logs) < 2 or stated or judgement.verdict not in ("unknown", "partly_explained"):
         return ()
     residuals, torques = session.in_judged_band(problem.columns.residual), problem.columns.model_torque

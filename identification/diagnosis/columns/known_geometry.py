@@ -19,13 +19,13 @@ from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, Z
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
+POSE_EFFECTS = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
 """Effects that only poses show. The zero of an encoder is not one of them: torques show it, too."""
 
 
 def effects_on_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
     """Known effects that change torques: all but those that only poses show."""
-    return tuple(one for one in known if one.effect not in OF_POSES)
+    return tuple(one for one in known if one.effect not in POSE_EFFECTS)
 
 
 def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]]:
@@ -33,11 +33,11 @@ def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]
     out: dict[str, Array] = {}
     for one in known:
         if one.effect == LINK and one.joint is not None:
-            out[one.joint] = moved_on(out.get(one.joint, np.zeros(6)), np.array(one.theta))
+            out[one.joint] = composed_twists(out.get(one.joint, np.zeros(6)), np.array(one.theta))
     return out
 
 
-def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Array, " 6"]:
+def composed_twists(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Array, " 6"]:
     """Twist of two displacements of a joint in succession, each in the axes of the joint before it is displaced."""
     return np.array(pin.log6(pin.exp6(first) * pin.exp6(second)).vector)
 

@@ -24,8 +24,8 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.signals.recursive import lagging
 
 _SLOW = 3  # largest number of half waves of a drift within the recording
-# If the joint's position and velocity explain more than this share of the squares of sine and cosine at a frequency, a
-# torque at that frequency is no rhythm but an effect of the motion.
+# If a joint's position and velocity explain more than this share of the squares of sine and cosine at a frequency, a
+# torque at that frequency is an effect of the motion and no rhythm.
 _OF_THE_MOTION = 0.9
 
 
@@ -69,7 +69,7 @@ class Drift(Rival):
         return _on_row(robot, joint, [steady * np.cos(k * phase) for k in range(_SLOW + 1)])
 
 
-class OfDrive(Drift):
+class DriveDrift(Drift):
     """A drift that changes the torque of the drive itself."""
 
     acts_as = "drive"
@@ -82,7 +82,7 @@ class Rhythm(Rival):
     regime = "everywhere"
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The two strongest frequencies [Hz] of the torque residual, without that of a joint that moves in one sine.
+        """The two strongest frequencies [Hz] of the residual, without the frequency of a joint that moves in one sine.
 
         At that frequency, sine and cosine are the position and the velocity of the joint, and a torque that depends on
         these is no rhythm.
@@ -233,7 +233,9 @@ STRUCTURES: tuple[Rival, ...] = (
     Drift("drifting_offset", "torque_offset", lambda operation, j: np.ones(len(operation.t))),
     Drift("drifting_friction", "coulomb_friction", lambda operation, j: np.sign(operation.v[:, j])),
     Drift("drifting_damping", "viscous_friction", lambda operation, j: _scaled(operation.v[:, j])),
-    OfDrive("drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), ("acceleration",)),
+    DriveDrift(
+        "drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), ("acceleration",)
+    ),
     Rhythm(),
     Field(),
     Contact(),

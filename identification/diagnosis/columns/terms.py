@@ -109,7 +109,7 @@ def shapes_of(
     own: tuple[Effect, ...] = (),
     groups_of_joints: tuple[str, ...] = (),
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
-    """Effects, joints and shapes that the search tries, without effects that the recordings cannot show.
+    """Effects, joints and shapes that the search tries; effects that the recordings cannot show are left out.
 
     A joint whose load is nearly constant does not separate some effects, such as friction and friction that grows with
     the load. If one of them was found there, its shapes are also tried for the others.
@@ -158,9 +158,9 @@ def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bo
 def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | None:
     """Reason why an effect cannot be tested because drives are missing or their torque is unknown; None if it can.
 
-    On a joint without a drive the residual is the torque that the model computes, so a torque constant or friction
-    under load would always explain it. If no torque at all is known, all inertial parameters may be scaled alike, and
-    bodies without mass would fit best.
+    The measured torque of a joint without a drive is zero, so its residual is minus the modelled torque, and a torque
+    constant or friction under load would always explain it. If no torque at all is known, all inertial parameters may
+    be scaled alike, and bodies without mass would fit best.
     """
     own = robot.actuators[robot.joint_names.index(joint)] if joint in robot.joint_names else None
     if own is not None and not own.drive_known:

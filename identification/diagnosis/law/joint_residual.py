@@ -2,8 +2,8 @@
 
 A law is a formula that predicts this residual from inputs, such as positions, torques or the time. The judged band has
 the low frequencies in which the residual is judged. The fit of the diagnosis lacks the law, so its changes within the
-tolerances and its sizes of findings are biased. Every fit of a law therefore fits these again (nuisances), by their
-columns on the joint of the law. Their prior includes the torques of the other joints.
+tolerances and its sizes of findings are biased. So every fit of a law also fits these nuisances again, by their columns
+on the joint of the law. Their prior includes what the torques of the other joints say about them.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SAME_TORQUE = 0.99  # if its correlation with the transmitted torque is higher,
 
 @dataclass(frozen=True)
 class ResidualLog:
-    """One recording.
+    """One recording: the residual of one joint, and the inputs on which it may depend.
 
     Attributes:
         t: Time since its start at the full rate [s], ``(N,)``.
@@ -73,7 +73,7 @@ class ResidualLog:
         """Time between two samples at the full rate [s]."""
         return float(self.t[1] - self.t[0])
 
-    def now(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+    def unfiltered(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
         """Kept samples of a series, unfiltered."""
         return x[self.band.samples(len(x))][self.kept]
 
@@ -127,8 +127,8 @@ class JointResidual:
         outside = np.flatnonzero(self.folds < 0)
         return outside if len(outside) else np.arange(len(self.folds))
 
-    def draws(self, stream: str) -> Float[Array, "R B"]:
-        """Weight of each block: first in the fit to all blocks that fits may use, then in each bootstrap replicate.
+    def block_weights(self, stream: str) -> Float[Array, "R B"]:
+        """Weight of each block in the fit to all blocks that fits may use, then in each bootstrap replicate.
 
         Args:
             stream: Name of the random stream.
@@ -141,7 +141,7 @@ class JointResidual:
 
     def series(self, name: str) -> Float[Array, " n"]:
         """An input at all kept samples."""
-        return np.concatenate([log.now(log.inputs[name]) for log in self.logs])
+        return np.concatenate([log.unfiltered(log.inputs[name]) for log in self.logs])
 
     def ranges(self, names: tuple[str, ...]) -> dict[str, tuple[float, float]]:
         """Smallest and largest value of some inputs in used samples; for a frequency, those at which it has power."""

@@ -1,7 +1,7 @@
-"""Library of the terms that a formula for a residual may have, each with its text, inputs and unit of its coefficient.
+"""Library of the terms that a formula for a residual may have: text, inputs, and unit of the coefficient of each.
 
-Effects of the catalogue state their own terms (`Effect.formula`), as a formula may need them beside others. The terms
-listed here are those that no effect has. If an effect states the same term, that of the effect is used.
+Effects of the catalogue state their own terms (`Effect.formula`), which a formula may combine with others. This module
+adds the terms that no effect has. If an effect states the same term, the term of the effect is used.
 
 Parameters inside a term (a speed, a position, a time) take values from a grid over the range of the recording. The grid
 does not depend on the residual, so that no held-out block influences it.

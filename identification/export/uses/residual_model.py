@@ -55,7 +55,7 @@ def _docstring(model: ResidualModel) -> str:
     kind = (
         "It is the law in the report, fitted to the residual of the corrected model. Further terms correct the errors\n"
         "that this model has because it was fitted without the law."
-        if model.lawful
+        if model.contains_law
         else "It is the sum of terms with the smallest error on held-out data, not a law: use it only within its data."
     )
     bands = "".join(
@@ -146,5 +146,5 @@ def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
 
 def residual_note(model: ResidualModel) -> Note:
     """The note in the report that names the two files."""
-    numbers = {"files": (RESIDUAL, RESIDUAL_TABLE), "lawful": model.lawful, "memory": bool(model.bands)}
+    numbers = {"files": (RESIDUAL, RESIDUAL_TABLE), "lawful": model.contains_law, "memory": bool(model.bands)}
     return Note(Code.RESIDUAL_HELD, model.joint, {**numbers, "closed": model.predicted_share})

@@ -11,7 +11,7 @@ from identification.data.drives.joint_torque import external_torque
 from identification.data.reading import recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import process
-from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.operations import operation_of
 from identification.identify.identify import identify
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.dynamics.kinematics import frame_pose
@@ -172,7 +172,7 @@ def test_the_drive_need_not_give_what_pushes(planar):
     recording = Recording("a.csv", planar.joint_names, t, q, np.zeros_like(q), forces={"lower": force})
     log, bare = (process(r, planar, cutoff_hz=10.0) for r in (recording, replace(recording, forces={})))
     assert log.external is not None
-    less = operate(planar, bare, ()).tau - operate(planar, log, ()).tau
+    less = operation_of(planar, bare, ()).tau - operation_of(planar, log, ()).tau
     np.testing.assert_allclose(less, external_torque(planar, log.motion.q, {"lower": force}), atol=1e-12)
 
 
