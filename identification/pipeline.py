@@ -201,11 +201,11 @@ def _by_controllers(
 def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     """The diagnosis by torques and measured poses, stage by stage."""
     robot, changes = given.robot, given.changes
-    if not given.seen:
+    if not given.fitted:
         progress(Announcement(Stage.FITTING_POSES))
-        return DiagnosisWithoutPlan(diagnosis_of_poses(robot, given.tracked, given.places))
+        return DiagnosisWithoutPlan(diagnosis_of_poses(robot, given.with_poses, given.places))
     progress(Announcement(Stage.FILTERING))
-    session = session_of(robot, given.seen, given.unseen, known=given.known, changes=changes)
+    session = session_of(robot, given.fitted, given.held_out, known=given.known, changes=changes)
     explanation = explanation_of(session, progress)
     progress(Announcement(Stage.RIVALS_COMPARED))
     judgement, shown = judgement_of(explanation, progress)
@@ -232,7 +232,7 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     judgement = replace(judgement, notes=(*given.notes, *soft, *brakes, *endless, *drives, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
-    found = with_poses(found, robot, given.tracked, given.places)
+    found = with_poses(found, robot, given.with_poses, given.places)
     # No experiment is planned for a floating base either, because its motion cannot be predicted.
     return DiagnosisWithoutPlan(found, None if between or robot.floating else explanation, given.started)
 

@@ -296,7 +296,7 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
     """
     groups = by_effect_joint(explained.problem.terms, explained.chosen)
     claims = [_claim_of_finding(explained, gap, groups[finding.effect, finding.joint], finding) for finding in found]
-    places = by_effect_joint(explained.problem.terms, explained.fits.seen)
+    places = by_effect_joint(explained.problem.terms, explained.fits.independent)
     near = [_best_term_of(explained, at, terms, groups) for at, terms in places.items() if at not in groups]
     near = sorted(near, key=lambda one: -one.most)[:NEVER_CLAIMED]
     return (*claims, *(_claim_of_place(explained, gap, one, groups) for one in near))

@@ -88,7 +88,7 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
 
     def equations_at(at: _PoseFit) -> tuple[Whitened, SetFits, float]:
         equations = whitened(at.found, at.estimate.values, at.noise, block, at.kept, named)
-        fits = set_fits(equations.columns, equations.residual, bounds_of(terms), equations.seen)
+        fits = set_fits(equations.columns, equations.residual, bounds_of(terms), equations.independent)
         return equations, fits, squares_by_chance(equations.rank, at.noise.degrees_of_freedom, CHANCE)
 
     def search(at: _PoseFit, earlier_searches: int) -> tuple[_PoseFit, tuple[int, ...]]:
@@ -289,7 +289,7 @@ def pose_bounds(
         if k in explained.chosen:
             continue
         size, whole = float(np.linalg.norm(own[:, k])), float(np.linalg.norm(columns[:, k]))
-        if not explained.equations.seen[k] or (term.effect == ELASTIC and not _is_loaded(explained, term)):
+        if not explained.equations.independent[k] or (term.effect == ELASTIC and not _is_loaded(explained, term)):
             unseen.append(_unseen(term, _why_unseen(explained, k)))
         elif size < 1e-4 * whole:
             unseen.append(_unseen(term, "on these poses it is the same as what was found"))

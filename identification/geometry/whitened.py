@@ -18,7 +18,7 @@ from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-SEEN = 1e-5
+LEAST_INDEPENDENT_SHARE = 1e-5
 """A column counts as a combination of nuisances if less than this share of it is orthogonal to them. Smaller shares are
 rounding errors: angles in robot files have nine digits at best."""
 BLOCKS = 10
@@ -54,7 +54,7 @@ class Whitened:
     Attributes:
         residual: Residual, projected off the nuisances, ``(m,)``.
         columns: Columns of the terms, projected off the nuisances, ``(m, p)``.
-        seen: False for terms whose column is a combination of nuisances, ``(p,)``.
+        independent: False for terms whose column is a combination of nuisances, ``(p,)``.
         whole: Columns of nuisances and terms, and the residual, not projected, ``(m, k + p + 1)``.
         block: Block of each row.
         rank: Number of base kinematic parameters.
@@ -62,7 +62,7 @@ class Whitened:
 
     residual: Float[Array, " m"]
     columns: Float[Array, "m p"]
-    seen: Bool[Array, " p"]
+    independent: Bool[Array, " p"]
     whole: Float[Array, "m w"]
     block: Int[Array, " m"]
     rank: int
@@ -81,7 +81,7 @@ def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequ
         units: Units of the terms.
         names: Names of the terms.
     """
-    found = base_parameters_of_matrix(columns, tuple(names), tuple(units), tolerance=SEEN)
+    found = base_parameters_of_matrix(columns, tuple(names), tuple(units), tolerance=LEAST_INDEPENDENT_SHARE)
     return np.array(found.independent, dtype=int)
 
 
@@ -104,7 +104,7 @@ def noise_of(
         scale = kept / sigma[found.series]
         basis = orthonormal(found.nuisance * scale[:, None], 1e-9)
         own = orthogonal_part(found.columns * scale[:, None], basis)
-        whole = np.hstack([basis, orthonormal(own[:, base_columns(own, units, names)], SEEN)])
+        whole = np.hstack([basis, orthonormal(own[:, base_columns(own, units, names)], LEAST_INDEPENDENT_SHARE)])
         rank = whole.shape[1]
         residual = orthogonal_part(found.residual * scale, whole) * sigma[found.series]
         free_share = max(1.0 - rank / max(kept.sum(), 1), 1.0 / max(kept.sum(), 1))
@@ -154,11 +154,11 @@ def whitened(
     basis = orthonormal(nuisance, 1e-9)
     own = orthogonal_part(columns, basis)
     size = np.linalg.norm(columns, axis=0)
-    seen = np.linalg.norm(own, axis=0) > SEEN * np.where(size > 0, size, 1.0)
-    own = np.where(seen, own, 0.0)
+    independent = np.linalg.norm(own, axis=0) > LEAST_INDEPENDENT_SHARE * np.where(size > 0, size, 1.0)
+    own = np.where(independent, own, 0.0)
     rank = len(base_columns(own, *named))
     whole = np.hstack([nuisance, columns, residual[:, None]])
-    return Whitened(orthogonal_part(residual, basis), own, seen, whole, block[kept], rank)
+    return Whitened(orthogonal_part(residual, basis), own, independent, whole, block[kept], rank)
 
 
 @dataclass(frozen=True)

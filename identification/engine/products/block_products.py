@@ -78,7 +78,7 @@ class NuisancePrior:
         )
 
     def fitted_with(self, products: Products, columns: list[int], theta: Float[Array, " k"]) -> Float[Array, " F"]:
-        """Coefficients of the nuisance columns, fitted while the other ``columns`` have the coefficients ``theta``."""
+        """Coefficients of the nuisance columns in a fit with the coefficients ``theta`` of the other ``columns``."""
         n = len(products.right) - self.count
         if self.count == 0:
             return np.zeros(0)
@@ -111,7 +111,7 @@ class BlockProducts:
         return Products(gram, counts @ self.right, float(counts @ self.total))
 
     def of(self, columns: list[int]) -> BlockProducts:
-        """The products of some of the columns."""
+        """Products of the given columns only."""
         at = np.array(columns, dtype=int)
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 

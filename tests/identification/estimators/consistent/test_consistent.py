@@ -236,5 +236,5 @@ def test_what_was_solved_before_leaves_no_trace():
     np.testing.assert_array_equal(cone_program(SHAPE).solved(half_space([1.0, 2.0, 3.0], 1.0), 1e-7)[0], first)
 
 
-def test_a_shape_is_stated_once():
-    assert cone_program(SHAPE) is stated(Shape(3, (), 1))
+def test_a_shape_has_one_program():
+    assert cone_program(SHAPE) is cone_program(Shape(3, (), 1))
