@@ -165,6 +165,6 @@ def subspace(model: pin.Model, index: int) -> Float[Array, " 6"]:
     return pin.getJointJacobian(model, data, index, pin.LOCAL)[:, model.joints[index].idx_v]
 
 
-def placed(numbers: Float[Array, " 6"]) -> pin.SE3:
+def pose_of_numbers(numbers: Float[Array, " 6"]) -> pin.SE3:
     """The pose with translation ``x y z`` [m] and rotation vector ``rx ry rz`` [rad]."""
     return pin.SE3(pin.exp3(numbers[3:]), numbers[:3])
