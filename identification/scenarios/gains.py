@@ -46,7 +46,7 @@ class Gains:
         kd_std: Standard deviation of ``kd``.
         ratio: ``kd / kp`` [s]; it does not depend on the model if the joint's viscous friction is small.
         ratio_std: Standard deviation of ``ratio``.
-        rests_on: Parts of the model that determine ``kp``: gravity, inertia or both.
+        determined_by: Parts of the model that determine ``kp``: gravity, inertia or both.
     """
 
     joint: str
@@ -56,7 +56,7 @@ class Gains:
     kd_std: float
     ratio: float
     ratio_std: float
-    rests_on: tuple[str, ...]
+    determined_by: tuple[str, ...]
 
     @property
     def known(self) -> bool:
@@ -182,7 +182,7 @@ def _note(robot: Robot, one: Gains) -> Note:
         "kd": one.kd,
         "kd_std": float(np.hypot(one.kd_std, tolerance * one.ratio)),
         "kd_unit": damping_unit(robot, one.joint),
-        "rests_on": one.rests_on,
+        "determined_by": one.determined_by,
         "ratio": one.ratio,
         "ratio_std": one.ratio_std,
     }

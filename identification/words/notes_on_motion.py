@@ -60,9 +60,9 @@ def _gains_estimated(note: Note) -> str:
     n = note.numbers
     return (
         f"No gains of {note.joint} are stated: kp = {n['kp']:.3g} ± {n['kp_std']:.2g} {n['kp_unit']} and "
-        f"kd = {n['kd']:.3g} ± {n['kd_std']:.2g} {n['kd_unit']} were estimated from its "
-        f"motion. They are as accurate as the {' and the '.join(n['rests_on'])} of the model, and kd includes viscous "
-        f"friction that the model lacks; positions alone show kd/kp = {n['ratio']:.3g} ± {n['ratio_std']:.2g} s. "
+        f"kd = {n['kd']:.3g} ± {n['kd_std']:.2g} {n['kd_unit']} were estimated from its motion. They are as accurate "
+        f"as the {' and the '.join(n['determined_by'])} of the model, and kd includes viscous friction that the model "
+        f"lacks; positions alone show kd/kp = {n['ratio']:.3g} ± {n['ratio_std']:.2g} s. "
         f"{_STATE_IT.format(joint=note.joint)}."
     )
 

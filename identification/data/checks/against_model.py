@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from identification.data.checks.readings.reading import Reading, with_order, with_positions_times
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
@@ -45,7 +45,7 @@ class TorqueRegression:
     model_share: float
 
 
-def spread_samples(smooth: Smooth) -> Reading | None:
+def spread_samples(smooth: SmoothedRecording) -> Reading | None:
     """Samples for regressions, spread evenly over the record; None without torque or with too few samples."""
     rows = smooth.rows(_ROWS)
     if smooth.tau is None or len(rows) < 50:

@@ -1,4 +1,4 @@
-"""Finds wrong units, signs and orders of columns in a recording, with whose correction the model fits far better.
+"""Finds wrong units, signs and orders of columns in a recording: mistakes after whose correction the model fits.
 
 A reading is the recording with one such correction. A mistake is certain if, in both halves of the recording, no
 plausible robot explains the data as recorded, and a plausible robot explains the reading. Exchanged columns are also
@@ -57,7 +57,7 @@ _EQUAL_FIT = 0.5
 _IDLE = 0.1
 # Largest number of faults that are found one after the other.
 _MOST_FAULTS = 3
-# Two simultaneous mistakes are looked for if the unexplained share of a joint is at least this in both halves.
+# Two simultaneous mistakes are searched for if the unexplained share of a joint is at least this in both halves.
 _FOR_TWO = 0.2
 # Number of wrong signs that are tried as the first mistake of a pair, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
@@ -66,7 +66,7 @@ _FITTED_IN_FULL = 6
 
 
 def better_readings(robot: Robot, reading: Reading, step: float) -> list[ReadingFit]:
-    """Mistakes that are certain, one after the other: each is found after those before it were corrected.
+    """Certain mistakes, in the order in which they are found: each after those before it were corrected.
 
     Args:
         robot: The given model.

@@ -31,8 +31,8 @@ from phantom_dyn.model.robot import Robot
 _DELAYS = np.arange(0.0, 0.55, 0.1)
 # Largest factor between the gain of a drive and the stated one.
 _GAIN = 2.0
-# Cost of giving a joint the reference of another joint. An exchange of two references costs twice as much, and so has
-# to fit far better.
+# Cost of giving a joint the reference of another joint. An exchange of two references costs twice as much: it has to
+# fit far better.
 _MOVED = FAR_BETTER / 2
 # Number of mistakes that are found one after the other, and largest number of joints whose references are reordered.
 _MOST_FAULTS, _MOST_JOINTS = 3, 12

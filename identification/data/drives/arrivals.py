@@ -2,7 +2,7 @@
 
 A drive holds each reference until the next one arrives. Its voltage jumps when a reference arrives, and then falls as
 the joint follows. The bus always reads the voltage at the same time after a jump. So linear interpolation between the
-readings does not give the mean voltage over the frame. The two differ by at most the gain times the change of the
+readings does not give the mean voltage over the frame. They differ by at most the gain times the change of the
 reference in half a frame, with either sign. The readings do not show when in the frame a reference arrives; only the
 motion shows this.
 """

@@ -101,12 +101,14 @@ def test_positions_alone_tell_the_ratio_of_the_gains(pendulum):
     assert one.ratio == pytest.approx(0.1, rel=0.03)
 
 
-@pytest.mark.parametrize(("weightless", "slower", "rests_on"), [(False, 3.0, ("gravity",)), (True, 1.0, ("inertia",))])
-def test_it_is_said_what_of_the_model_sets_the_scale(pendulum, weightless, slower, rests_on):
+@pytest.mark.parametrize(
+    ("weightless", "slower", "determined_by"), [(False, 3.0, ("gravity",)), (True, 1.0, ("inertia",))]
+)
+def test_it_is_said_what_of_the_model_sets_the_scale(pendulum, weightless, slower, determined_by):
     # By hand: a slow pendulum is moved against its weight, one without weight against its inertia.
     robot = with_gravity(pendulum, np.zeros(3)) if weightless else pendulum
     (found,) = estimated_gains((moved(robot, slower=slower),), robot)
-    assert found.rests_on == rests_on
+    assert found.determined_by == determined_by
 
 
 def test_several_recordings_give_one_gain(pendulum, swung):

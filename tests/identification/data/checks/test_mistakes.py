@@ -8,8 +8,8 @@ import pytest
 from by_night import by_night
 from identification.data.checked_file import checked_file
 from identification.data.checks.check_recording import check_recording, checked
+from identification.data.checks.divergence import diverged
 from identification.data.checks.positions import check_frozen
-from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_repeated
 from identification.data.mending import mended
@@ -129,7 +129,7 @@ def test_motion_that_grows_without_bound_is_reported_as_that(start, planar_log):
     t = planar_log.t
     growth = np.exp(np.maximum(t - start * t[-1], 0.0) * 3.0 / max(1 - start, 0.3)) - 1.0
     away = np.outer(growth * np.sin(60.0 * t), [0.3, 0.0])
-    fault = ran_away(replace(planar_log, q=planar_log.q + away, tau=planar_log.tau + 1e3 * away))
+    fault = diverged(replace(planar_log, q=planar_log.q + away, tau=planar_log.tau + 1e3 * away))
     assert fault is not None
     assert "the motion grows without bound from about t =" in fault.what
     assert ("--exclude" in fault.mend) == (start > 0.2 or "--exclude" in fault.mend)
@@ -145,12 +145,12 @@ def test_honest_motion_is_none_that_ran_away(kind, planar_log):
         "degrees": np.rad2deg(planar_log.q),
         "a jump of an encoder": planar_log.q + 6000.0 * (t > 9)[:, None],
     }[kind]
-    assert ran_away(replace(planar_log, q=q)) is None
+    assert diverged(replace(planar_log, q=q)) is None
 
 
 def test_a_torque_of_no_machine_ran_away(planar_log):
     tau = planar_log.tau * np.where(planar_log.t > 15, 1e12, 1.0)[:, None]
-    assert ran_away(replace(planar_log, tau=tau)) is not None
+    assert diverged(replace(planar_log, tau=tau)) is not None
 
 
 @pytest.mark.parametrize("beyond", [np.inf, np.nan, 1e12])

@@ -12,7 +12,7 @@ from identification.data.checks.check_recording import check_recording
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_flat
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints, roll_off
-from identification.data.checks.torques.taken_friction import check_friction_taken, friction_shares
+from identification.data.checks.torques.subtracted_friction import check_subtracted_friction, friction_shares
 from identification.data.checks.torques.torque_lag import clear_samples, friction_columns, lags_and_low_passes
 from identification.data.checks.torques.weight_and_friction import computed_from_weight, lifted_less_lowered
 from identification.data.recording import Recording
@@ -262,11 +262,11 @@ def test_one_torque_without_friction_is_reported_with_the_entry_of_its_joint(tak
 
 
 def test_friction_that_is_half_of_what_the_model_states_is_not_reported(taken, arm):
-    assert check_friction_taken(taken(0.5 * EVERY), arm, smoothed(taken(0.5 * EVERY))) == ()
+    assert check_subtracted_friction(taken(0.5 * EVERY), arm, smoothed(taken(0.5 * EVERY))) == ()
 
 
 def test_nothing_is_reported_where_the_column_map_says_so(taken, arm):
-    assert check_recording(replace(taken(EVERY), friction_taken=arm.joint_names), arm) == ()
+    assert check_recording(replace(taken(EVERY), friction_subtracted=arm.joint_names), arm) == ()
 
 
 def test_a_robot_whose_model_states_no_friction_lacks_none(taken, arm):
@@ -279,7 +279,7 @@ def test_friction_below_what_the_fit_leaves_is_not_reported(taken, arm, changed,
     friction = active_friction(arm, recording.v).std(axis=0)
     noise = rng.standard_normal(recording.tau.shape) * 6.0 * friction
     noisy = changed(recording, tau=recording.tau + noise)
-    assert check_friction_taken(noisy, arm, smoothed(noisy)) == ()
+    assert check_subtracted_friction(noisy, arm, smoothed(noisy)) == ()
 
 
 def test_a_joint_that_its_drive_does_not_move_lacks_no_friction(taken, arm, changed):
@@ -294,7 +294,7 @@ def test_a_joint_that_never_moves_lacks_no_friction():
     q, tau = (rng.standard_normal((2000, 1)) * size + level for size, level in ((1e-5, 0.3), (0.01, 1.45)))
     still = Recording("still.csv", robot.joint_names, t, q, tau)
     assert friction_shares(robot, smoothed(still)) != ()
-    assert check_friction_taken(still, robot, smoothed(still)) == ()
+    assert check_subtracted_friction(still, robot, smoothed(still)) == ()
 
 
 T = np.arange(0, 20.0, 0.01)
