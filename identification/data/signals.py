@@ -240,7 +240,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     fields = (q, q_ref, external, steps, temperature, references, touched_rows(recording, robot, t))
     between = between_readings(recording, robot, t, held_references)
     tau = tau if between is None else tau + between.torque
-    arrival = (None, None) if between is None else (between.arrival, between.doubt)
+    arrival = (None, None) if between is None else (between.arrival, between.nonlinear_std)
     sensors, noise = sensors_of_base(recording), interpolated_noise(recording.t, t)
     return Log(
         recording.file, recording.joint_names, motion, tau, band, valid, *fields, sensors, *arrival, noise, edges

@@ -31,7 +31,7 @@ def floor_of(explained: ExplainedPoses, series: int) -> Floor:
     """Noise of one series of poses; if no pose is repeated, the noise is that of the fit of all terms.
 
     Args:
-        explained: The fit.
+        explained: Fit of few terms to the poses.
         series: Twice the index of the set of poses, plus one for orientations.
     """
     one = explained.problem.sets[series // 2]

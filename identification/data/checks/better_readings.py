@@ -273,7 +273,7 @@ def _quick_gain(robot: Robot, as_recorded: Float[Array, " nv"], corrected: Readi
     Args:
         robot: The given model.
         as_recorded: Unexplained share of each joint with the data as recorded.
-        corrected: The reading.
+        corrected: The data with a suspected mistake corrected.
     """
     return float(np.nansum(np.log((as_recorded + ENOUGH) / (plain_unexplained(robot, corrected) + ENOUGH))))
 

@@ -85,7 +85,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     Args:
         robot: The given model.
         operation: Motion and torque of the given model alone.
-        known: The effects.
+        known: Effects of earlier diagnoses.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
     # Robot with the true direction of gravity, and true motion of its links.

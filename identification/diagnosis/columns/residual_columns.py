@@ -17,7 +17,7 @@ import numpy as np
 from identification.data.log import Band
 from identification.data.unknown_drives import unknown_drives
 from identification.diagnosis.columns.layout import TermColumns, lay_out
-from identification.diagnosis.columns.motion.one_sine import held, moving, two_numbers_beside_more
+from identification.diagnosis.columns.motion.one_sine import moving, uninformative_sines, without_motion
 from identification.diagnosis.columns.motion.standstill import (
     friction_sign_unknown,
     reversal_std,
@@ -206,12 +206,10 @@ def _given_part(session: Session) -> _GivenPart:
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
     moves = moving(logs)
     # Rows that are not used: another recording shows more of the joint.
-    unused = two_numbers_beside_more(logs, moves)
+    unused = uninformative_sines(logs, moves)
+    without_unused = [without_motion(log) if (unused[k] | ~moves[k]).all() else log for k, log in enumerate(logs)]
     operations = tuple(
-        operation_of(
-            robots[k], held(log) if (unused[k] | ~moves[k]).all() else log, session.known, k, session.cutoff_hz
-        )
-        for k, log in enumerate(logs)
+        operation_of(robots[k], log, session.known, k, session.cutoff_hz) for k, log in enumerate(without_unused)
     )
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
     return _GivenPart(
@@ -310,7 +308,7 @@ def model_columns(
     Args:
         session: Robot and logs.
         log: Index of the log.
-        operation: Its motion.
+        operation: Motion and modelled torque of that log.
         displacing: Effects that displace the links.
         beyond: Cutoff of columns made of accelerations, divided by the edge of the judged band.
     """
@@ -329,9 +327,9 @@ def _regressor_in_band(
     """The rigid-body regressor in the band, from pieces of the motion: at the full rate it is large.
 
     Args:
-        robot: The model.
+        robot: The given model.
         motion: Motion of its links.
-        band: Filter.
+        band: Filter of the recording.
         per_load: Derivative of the drive torque with respect to the torque on the link; None: it is one.
     """
     inside = band.samples(len(motion.t))

@@ -70,7 +70,7 @@ def joint_response(log: Log, joint: str) -> FrequencyResponse:
 
     Args:
         log: A recording in which this joint is driven by noise or a chirp.
-        joint: Its name.
+        joint: Name of the joint.
 
     Raises:
         RobotError: If the recording has no such joint.

@@ -184,7 +184,7 @@ def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Joi
 
     Args:
         shown: The effects that are shown.
-        joint: The joint.
+        joint: Name of the joint.
         floors: Noise floor of each joint.
     """
     problem = shown.problem

@@ -25,8 +25,8 @@ def gains_if_added(
 
     Args:
         problem: The linear problem of the fit.
-        fitted: The fit.
-        sets: Indices of the columns of each rival.
+        fitted: The fit to which the sets are added.
+        sets: Indices of the columns of each set.
     """
     inside = frozenset(fitted.active.tolist())
     added = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
@@ -54,7 +54,7 @@ def project_off_fit(
 
     Args:
         problem: The linear problem of the fit.
-        fitted: The fit.
+        fitted: The fit whose free columns are projected off.
         columns: Indices of the columns to project.
 
     Returns:

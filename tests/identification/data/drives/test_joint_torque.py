@@ -86,8 +86,8 @@ def test_a_drive_that_protects_itself_is_followed_between_its_readings(robot, de
     inner = slice(20, -20)
     assert np.std(left[inner]) < 0.4 * np.std(off[inner])
     # What is left lies where it is doubted.
-    assert np.all(np.abs(left[inner]) < 3.0 * np.abs(found.doubt[inner, 0]) + 0.03)
-    assert np.mean(np.abs(found.doubt) > 0.03) < 0.25
+    assert np.all(np.abs(left[inner]) < 3.0 * np.abs(found.nonlinear_std[inner, 0]) + 0.03)
+    assert np.mean(np.abs(found.nonlinear_std) > 0.03) < 0.25
 
 
 def test_a_drive_without_protection_leaves_no_doubt(robot):
@@ -95,7 +95,7 @@ def test_a_drive_without_protection_leaves_no_doubt(robot):
     found = between_readings(one, robot, one.t, held=True)
     assert found is not None
     assert not found.torque.any()
-    assert not found.doubt.any()
+    assert not found.nonlinear_std.any()
 
 
 def test_a_warm_motor_makes_less_of_it(robot):
