@@ -63,7 +63,7 @@ class ExplainedPoses:
 
 @dataclass(frozen=True)
 class _PoseFit:
-    """A fit at which columns are computed: estimate, equations linearised there, rows in use, and noise."""
+    """A fit about which columns are computed: estimate, equations linearised there, rows in use, and noise."""
 
     estimate: Estimate
     linearised: Equations
@@ -308,7 +308,7 @@ def _unseen(term: PoseTerm, why: str) -> UnseenTerm:
 
 
 def _why_unseen(explained: ExplainedPoses, k: int) -> str:
-    """Reason why poses cannot show a term: it moves no frame, or has the same effect as a changed nuisance."""
+    """Reason why poses cannot show a term: it moves no frame, or a change of nuisances has the same effect."""
     linearised, term = explained.linearised, explained.problem.terms[k]
     scale = (explained.kept * explained.noise.weights[linearised.series])[:, None]
     column = linearised.columns[:, [k]] * scale

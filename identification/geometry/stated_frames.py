@@ -31,9 +31,10 @@ _CHANCE = 1e-4
 def problem_of(
     robot: Robot, sets: tuple[PoseSet, ...], paths: Mapping[int, CubicSpline], loops: Loops | None = None
 ) -> PoseProblem:
-    """Measured poses with all candidate errors.
+    """Measured poses with all candidate errors of the geometry.
 
-    Poses of base and tool are candidate errors if the columns are what they state, otherwise they are nuisances.
+    Errors of the base and tool poses are candidates if the columns state poses in the root frame; else the poses are
+    nuisances, which every fit contains.
 
     Args:
         robot: The given model.

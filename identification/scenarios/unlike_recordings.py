@@ -21,7 +21,7 @@ _AS_MUCH = 0.5
 def doubted_if_unlike(problem: Problem, judgement: Judgement) -> Judgement:
     """The judgement, with a note and less probable findings if the given model fits only some of the recordings.
 
-    A finding acts in all recordings. It would show in those that the model fits, too.
+    A finding acts in all recordings, so it would also show in the recordings that the model fits.
 
     Args:
         problem: Robot and recordings.

@@ -126,7 +126,7 @@ def _inertia_confirms(
 
     Args:
         weight: Modelled torque of gravity.
-        inertia: The rest of the modelled torque, without friction.
+        inertia: Modelled torque without that of gravity and friction.
         v: Velocity.
         sign: Low-passed sign of the velocity.
         tau: Measured torque.
@@ -169,7 +169,7 @@ def check_flipped(recording: Recording, robot: Robot, data: Reading, model: Floa
 
 
 def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joints: list[int]) -> bool:
-    """Whether changed data fit all of ``joints`` far better, and the other joints not much worse.
+    """True if changed data fit all of ``joints`` far better, and the other joints not much worse.
 
     Args:
         before: Unexplained share of every joint with the data as recorded.

@@ -108,7 +108,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
 def _best(
     robot: Robot, reading: Reading, before: Float[Array, "2 nv"], tried: Sequence[ReadingFit]
 ) -> ReadingFit | None:
-    """The likeliest mistake, or pair of mistakes, that is certain.
+    """The likeliest of the certain mistakes and pairs of mistakes; None if nothing is certain.
 
     Args:
         robot: The given model.
@@ -119,7 +119,7 @@ def _best(
     certain = [one for one in tried if is_certain(one)]
     best = _likeliest(robot, reading, certain) if certain else None
     if best is None or best.suspect.price:
-        # Fitted ratios can imitate two mistakes, such as a unit and a sign: so these pairs are tried as well.
+        # Fitted ratios can imitate two mistakes, such as a unit and a sign. So pairs of mistakes are tried as well.
         singles = [one for one in tried if not one.suspect.price]
         pairs = _pair_of_mistakes(robot, reading, before, singles)
         return _likeliest(robot, reading, [*certain, *pairs]) if pairs else best
@@ -133,7 +133,7 @@ def _corrected(reading: Reading, step: float, suspect: Suspect) -> tuple[Reading
 
 
 def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[ReadingFit]:
-    """The corrected units after which a second mistake is looked for: those that are very likely wrong before any fit.
+    """Corrections of units after which a second mistake is searched for: of units that are very likely wrong.
 
     If another mistake explains nearly all of the torque, only units of time are returned. They may still be wrong:
     positions in mm with a time in ms have accelerations of a thousandth, which look like another unit of torque.
@@ -149,9 +149,9 @@ def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[
 
 
 def _after_a_unit(robot: Robot, reading: Reading, step: float, likely: Sequence[ReadingFit]) -> list[ReadingFit]:
-    """The first likely unit after whose correction another mistake is certain, followed by the mistakes found then.
+    """The first likely unit after whose correction another mistake is certain, then the mistakes that follow it.
 
-    It is empty if there is no such unit.
+    The list is empty if there is no such unit.
 
     Args:
         robot: The given model.
@@ -179,7 +179,7 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
     """
     best_score = max(one.score - FAR_BETTER * one.suspect.price for one in certain)
     tied = [one for one in certain if one.score > best_score - _EQUAL_FIT]
-    # A rival, such as another zero, competes with an attitude of the base, or if it is listed first.
+    # A rival, such as another zero, is compared only with an attitude of the base, or if it is the first in the list.
     if tied[0].suspect.kind != "attitude" and tied[0].suspect.outcome != "rival":
         tied = [one for one in tied if one.suspect.outcome != "rival"]
     if len(tied) == 1:

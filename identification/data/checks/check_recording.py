@@ -62,11 +62,6 @@ class Checked:
     unread: tuple[str, ...] = ()
 
 
-def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
-    """Warnings about possible errors of a recording: the first part of the result of `checked`."""
-    return checked(recording, robot).warnings
-
-
 def checked(recording: Recording, robot: Robot | None) -> Checked:
     """Possible errors and certain faults of a recording.
 

@@ -105,7 +105,7 @@ def shapes_of(
     robot: Robot,
     operation: Operation,
     found: tuple[FoundEffect, ...],
-    seen: tuple[FoundEffect, ...] = (),
+    additional: tuple[FoundEffect, ...] = (),
     own: tuple[Effect, ...] = (),
     groups_of_joints: tuple[str, ...] = (),
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
@@ -118,7 +118,7 @@ def shapes_of(
         robot: Determines which effects are possible on which joints.
         operation: Samples of all recordings.
         found: Effects that the last fit found; shapes near theirs replace the effect's grid of shapes.
-        seen: Effects that a separate method found, such as resonances; their shapes are tried in addition to the grid.
+        additional: Effects that a separate method found, such as resonances; their shapes are tried beside the grid.
         own: Effects that act in one of several recordings only.
         groups_of_joints: Sets of joints on which one cause may have one common parameter, their names joined by ``+``.
     """
@@ -133,14 +133,14 @@ def shapes_of(
                 continue
             point = near.get((effect.name, joint))
             if point is None:
-                beside = [point.shape for point in seen if point.effect_joint == (effect.name, joint)]
+                more_shapes = [point.shape for point in additional if point.effect_joint == (effect.name, joint)]
                 alike = [point for point in found if point.joint == joint and effect.name in point.effect.same_shapes]
-                beside += [point.shape for point in alike if _load_is_steady(robot, operation, joint)]
-                shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *beside)))
+                more_shapes += [point.shape for point in alike if _load_is_steady(robot, operation, joint)]
+                shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *more_shapes)))
             else:
                 shapes = effect.refined(point.coefficients, point.shape)
-                # If a special case of the law was found, too, all shapes are still tried: shapes that the recording
-                # hardly shows are not excluded.
+                # If a special case of the law was found, too, all shapes are still tried, even those that the recording
+                # hardly shows.
                 if any((name, joint) in near for name in effect.contains):
                     shapes = tuple(dict.fromkeys((*shapes, *effect.shapes(robot, operation, joint))))
             out.append((effect, joint, tuple(shapes)))

@@ -19,7 +19,7 @@ from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
+from identification.diagnosis.input_names import frequency_of, input_of, is_frequency
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import NuisancePrior
@@ -148,7 +148,7 @@ class JointResidual:
         used = self.weight > 0
         out = {}
         for name in names:
-            values = self.frequencies(base_of(name)) if is_frequency(name) else self.series(name)[used]
+            values = self.frequencies(input_of(name)) if is_frequency(name) else self.series(name)[used]
             out[name] = (float(values.min()), float(values.max()))
         return out
 

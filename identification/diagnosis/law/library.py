@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.input_names import base_of, frequency_of, supply_loads
+from identification.diagnosis.input_names import frequency_of, input_of, supply_loads
 from identification.diagnosis.law.histories import bristle, slip
 from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 from identification.diagnosis.law.responses import delayed, lagged, resonator
@@ -149,7 +149,7 @@ def library(residual: JointResidual, *, memory: bool = True) -> tuple[LibraryTer
     # terms with the same text only one is kept: that of the effect, if there is one.
     own = {term.texts: term for term in of_effects}
     known = {term.texts: own.get(term.texts, term) for term in (*out, *of_effects)}
-    return tuple(term for term in known.values() if {base_of(name) for name in term.inputs} <= set(residual.inputs))
+    return tuple(term for term in known.values() if {input_of(name) for name in term.inputs} <= set(residual.inputs))
 
 
 def _of_effects(joint: _JointInputs, inputs: str) -> list[LibraryTerm]:

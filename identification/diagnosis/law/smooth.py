@@ -19,7 +19,7 @@ from itertools import combinations
 
 import numpy as np
 
-from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
+from identification.diagnosis.input_names import frequency_of, input_of, is_frequency
 from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 from identification.diagnosis.law.responses import laguerre, laguerre_gains
 from identification.diagnosis.residual_law import FrequencyResponse, InputCurve, InputGain, Pair
@@ -245,7 +245,7 @@ def input_curves(residual: JointResidual, inputs: tuple[str, ...]) -> tuple[Inpu
 
 def frequency_responses(residual: JointResidual, inputs: tuple[str, ...]) -> tuple[FrequencyResponse, ...]:
     """Gain and phase over the frequency, for each frequency among the given inputs, fitted together with the model."""
-    return tuple(_frequency_response(residual, base_of(name)) for name in inputs if is_frequency(name))
+    return tuple(_frequency_response(residual, input_of(name)) for name in inputs if is_frequency(name))
 
 
 def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identification.csv_cells import text_cell
-from identification.diagnosis.input_names import base_of
+from identification.diagnosis.input_names import input_of
 from identification.diagnosis.result import Diagnosis
 from identification.export.file_names import RESIDUAL, RESIDUAL_TABLE
 from identification.export.uses.feedforward import loaded
@@ -59,7 +59,7 @@ def _docstring(model: ResidualModel) -> str:
         else "It is the sum of terms with the smallest error on held-out data, not a law: use it only within its data."
     )
     bands = "".join(
-        f"\nIts response to {base_of(name)!a} has memory, and starts at rest at the first call. It is known from "
+        f"\nIts response to {input_of(name)!a} has memory, and starts at rest at the first call. It is known from "
         f"{number(low)} to {number(high)} Hz."
         for name, (low, high) in model.bands.items()
     )

@@ -130,7 +130,7 @@ def _untestable_reason(robot: Robot, standstill: StandstillSamples, row: int) ->
 
 
 def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
-    """Effects that rests cannot show; ``why`` has the reason for each joint, or None if its rests show all they can."""
+    """Effects that rests cannot show; ``why`` has the reason for each joint, None for a joint whose rests show both."""
     out = []
     for effect in catalogue.effects_of(robot):
         words = user_words(effect.name, robot)

@@ -83,5 +83,5 @@ def _residual_shares(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 
 
 def _improves_all(found: ReadingFit) -> bool:
-    """Whether a reading fits far better on all joints that it changes."""
+    """True if a reading fits far better on all joints that it changes."""
     return bool(np.all(found.joint_gains[list(found.suspect.joints)] >= FAR_BETTER))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.data.checks.check_recording import check_recording
+from identification.data.checks.check_recording import checked
 from identification.data.drives.arrivals import arrival_notes, between_readings, with_unknown_arrivals
 from identification.data.drives.joint_torque import external_torque
 from identification.data.reading import recording
@@ -219,8 +219,8 @@ def test_a_check_against_the_model_counts_measured_forces(planar, pushed):
     tau = np.column_stack([-needed, (pushed.tau + external_torque(planar, pushed.q, pushed.forces))[:, 1]])
     held = replace(pushed, tau=tau, forces=force)
     stated = "the torque of shoulder has the opposite sign"
-    assert not any(stated in sentence for sentence in check_recording(held, planar))
-    assert any(stated in sentence for sentence in check_recording(replace(held, forces={}), planar))
+    assert not any(stated in sentence for sentence in checked(held, planar).warnings)
+    assert any(stated in sentence for sentence in checked(replace(held, forces={}), planar).warnings)
 
 
 def test_a_force_at_an_unknown_frame_is_refused_when_a_recording_is_read(planar):
