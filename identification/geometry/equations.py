@@ -25,7 +25,7 @@ from identification.geometry.pins import (
     joint_index,
     move_frame,
     position_sensitivities,
-    rounded,
+    without_rounding_errors,
 )
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, pose_of_numbers, subspace
 from phantom_dyn.array_types import Array, Float, Int
@@ -223,9 +223,9 @@ def _equations_of_set(
     if problem.loops is not None:
         # An error moves the target directly, and through the passive joints that close the loops again.
         changes = position_sensitivities(replace(problem.loops, model=model), x)
-        regressor = rounded(regressor + motions @ changes.by_place)
+        regressor = without_rounding_errors(regressor + motions @ changes.by_place)
         for frame, moves in changes.by_pin.items():
-            by_pin[frame] = rounded(_pin_columns(model, one, frame, tool) + motions @ moves)
+            by_pin[frame] = without_rounding_errors(_pin_columns(model, one, frame, tool) + motions @ moves)
         motions = motions @ changes.by_active
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
     for k, unknown in enumerate(kinds):

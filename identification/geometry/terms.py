@@ -102,7 +102,7 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
     placed, pins = carrying, ()
     if loops is not None:
         placed, pins = _of_loops(loops, carrying)
-        carrying = placed | _followed(loops, placed)
+        carrying = placed | _joints_in_formulas(loops, placed)
     active = {row: place for place, row in enumerate(robot.tree_rows)}
     for index in sorted(carrying):
         row, joint = model.joints[index].idx_v, model.names[index]
@@ -137,7 +137,7 @@ def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[PoseTer
     return found, tuple(pins)
 
 
-def _followed(loops: Loops, placed: set[int]) -> set[int]:
+def _joints_in_formulas(loops: Loops, placed: set[int]) -> set[int]:
     """Active joints on which the formulas of some joints depend, by Pinocchio's index."""
     model, chain = loops.model, loops.chain
     rows = [model.joints[index].idx_v for index in placed]

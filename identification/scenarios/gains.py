@@ -64,7 +64,7 @@ class Gains:
         return self.kp > 0 and self.kp_std <= _KNOWN * self.kp
 
 
-def unstated(robot: Robot) -> tuple[str, ...]:
+def joints_without_stated_gains(robot: Robot) -> tuple[str, ...]:
     """Driven joints for which robot.yaml states no controller, or a controller without a gain."""
     pairs = zip(robot.joint_names, robot.actuators, strict=True)
     return tuple(joint for joint, a in pairs if a.actuated and (a.controller is None or a.controller.kp <= 0))
@@ -110,7 +110,7 @@ def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tup
     Raises:
         LogError: If the motion does not show the gain of a joint; the message has the estimate and its deviation.
     """
-    lacking = unstated(robot)
+    lacking = joints_without_stated_gains(robot)
     if not lacking:
         return robot, recordings
     found = [one for one in estimated_gains(recordings, robot) if one.joint in lacking]

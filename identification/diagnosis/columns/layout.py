@@ -116,13 +116,17 @@ def groups_of_joints(session: Session, operation: Operation) -> tuple[str, ...]:
     if robot.nv < 2:
         return ()
     measured = np.concatenate([log.tau for log in session.logs])
-    groups = [*by_drives(robot), *by_place(robot.nv), *by_scales(scales(measured, operation.tau, operation.v))]
+    groups = [
+        *groups_by_drives(robot),
+        *groups_by_place(robot.nv),
+        *groups_by_scales(scale_of_joints(measured, operation.tau, operation.v)),
+    ]
     driven = [[row for row in sorted(group) if robot.actuators[row].actuated] for group in groups]
     unique = dict.fromkeys(tuple(group) for group in driven if len(group) > 1)
     return tuple("+".join(robot.joint_names[row] for row in group) for group in list(unique)[:_MOST])
 
 
-def by_drives(robot: Robot) -> list[tuple[int, ...]]:
+def groups_by_drives(robot: Robot) -> list[tuple[int, ...]]:
     """All joints together, and sets of joints with the same torque limit, gear ratio, rotor or stem of their names."""
     out = [tuple(range(robot.nv))]
     keys: list[list[Hashable]] = [
@@ -141,13 +145,13 @@ def by_drives(robot: Robot) -> list[tuple[int, ...]]:
     return out
 
 
-def by_place(count: int) -> list[tuple[int, ...]]:
+def groups_by_place(count: int) -> list[tuple[int, ...]]:
     """Sets of the first joints, and sets of the last joints: arms have large drives first and small ones last."""
     sizes = range(2, count)
     return [*(tuple(range(size)) for size in sizes), *(tuple(range(count - size, count)) for size in sizes)]
 
 
-def scales(
+def scale_of_joints(
     measured: Float[Array, "N nv"], modelled: Float[Array, "N nv"], v: Float[Array, "N nv"]
 ) -> Float[Array, " nv"]:
     """Scale of measured over modelled torque of each joint, fitted together with friction and an offset, ``(nv,)``."""
@@ -161,7 +165,7 @@ def scales(
     return out
 
 
-def by_scales(scale: Float[Array, " nv"]) -> list[tuple[int, ...]]:
+def groups_by_scales(scale: Float[Array, " nv"]) -> list[tuple[int, ...]]:
     """Sets of neighbours in the order of the joints' scales; sets whose scales differ least come first."""
     order = np.argsort(scale, kind="stable")
     runs = []

@@ -70,7 +70,7 @@ class OneRecordingEffect(Effect):
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Columns of the catalogue's effect in the recording where it acts, and zeros in the others."""
-        return only_in(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
+        return zero_elsewhere(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Bounds of the coefficients, which are differences from the other recordings.
@@ -137,7 +137,7 @@ def name_in_recording(name: str, recording: int) -> str:
     return f"{name}@{recording}"
 
 
-def only_in(recording: int, operation: Operation, signature: Signature) -> Signature:
+def zero_elsewhere(recording: int, operation: Operation, signature: Signature) -> Signature:
     """A signature that is zero in all recordings but one."""
     if operation.recording == recording:
         return signature

@@ -114,11 +114,11 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
                 found_load = found_load - torque
             else:
                 in_drive = in_drive - torque
-    per_load = _per_load(robot, operation, found_load, effects)
+    per_load = _torque_per_load(robot, operation, found_load, effects)
     return replace(operation, tau=tau, expected=tau, found_load=None, per_load=per_load, known_in_drive=in_drive)
 
 
-def _per_load(
+def _torque_per_load(
     robot: Robot,
     operation: Operation,
     found_load: Float[Array, "N nv"],

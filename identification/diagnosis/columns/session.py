@@ -155,7 +155,7 @@ def session_of(
         )
     _require_samples(session)
     require_swings(session.logs)
-    return replace(session, robot=with_unknown_arrivals(_with_its_friction(session), logs), recordings=every)
+    return replace(session, robot=with_unknown_arrivals(_with_soft_friction(session), logs), recordings=every)
 
 
 def _require_samples(session: Session) -> None:
@@ -178,7 +178,7 @@ def _require_samples(session: Session) -> None:
     )
 
 
-def _with_its_friction(session: Session) -> Robot:
+def _with_soft_friction(session: Session) -> Robot:
     """The robot with the soft friction of MuJoCo if the recordings show it, else without."""
     robot = session.robot
     if not any(robot.soft_friction):

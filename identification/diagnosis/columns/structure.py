@@ -104,7 +104,7 @@ class Rhythm(Rival):
             if power[peak] <= 0:
                 break
             hertz = float(frequency[peak])
-            if not _swings_at(hertz, operation, j):
+            if not _moves_at(hertz, operation, j):
                 out.append((hertz,))
             power[np.abs(frequency - frequency[peak]) < 2.0 / seconds] = 0.0
         return tuple(out)
@@ -119,7 +119,7 @@ class Rhythm(Rival):
         return _on_row(robot, joint, [np.sin(phase), np.cos(phase)])
 
 
-def _swings_at(hertz: float, operation: Operation, j: int) -> bool:
+def _moves_at(hertz: float, operation: Operation, j: int) -> bool:
     """True if sine and cosine of a frequency are sums of a joint's position and velocity."""
     phase = 2 * np.pi * hertz * (operation.t - operation.t[0])
     waves = np.column_stack([np.sin(phase), np.cos(phase)])

@@ -208,7 +208,7 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     q, v, a, tau, expected, logged = (joined([getattr(o, name) for o in operations]) for name in SERIES[1:])
     temperature = None
     if any(o.temperature is not None for o in operations):
-        temperature = np.concatenate([_or_filled(o.temperature, o.q, np.nan) for o in operations])
+        temperature = np.concatenate([_series_or_constant(o.temperature, o.q, np.nan) for o in operations])
     whole = Operation(
         t,
         q,
@@ -227,7 +227,7 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     return whole.made_of(operations)
 
 
-def _or_filled(series: Array | None, like: Array, value: float) -> Array:
+def _series_or_constant(series: Array | None, like: Array, value: float) -> Array:
     """The series, or a constant one with the shape of ``like`` if there is none."""
     return np.full_like(like, value) if series is None else series
 
@@ -238,7 +238,9 @@ def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> Ref
     if not known:
         return None
     q_ref, commanded = (
-        np.concatenate([_or_filled(o.references and getattr(o.references, name), o.q, 0.0) for o in operations])
+        np.concatenate(
+            [_series_or_constant(o.references and getattr(o.references, name), o.q, 0.0) for o in operations]
+        )
         for name in ("q_ref", "commanded")
     )
     gain, limits, most = (np.max([getattr(one, of) for one in known], axis=0) for of in ("gain", "limits", "most"))

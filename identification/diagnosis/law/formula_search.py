@@ -15,7 +15,7 @@ from identification.diagnosis.law.joint_residual import JointResidual
 from identification.diagnosis.law.library import LibraryTerm, library
 from identification.engine.chance import shuffled_pieces
 from identification.engine.numerics.bounded import bounded_solve
-from identification.engine.products.block_products import BlockProducts, NuisancePrior, Products, block_products
+from identification.engine.products.block_products import BlockProducts, NuisancePrior, SummedProducts, block_products
 from identification.engine.resampling import REPEATED_CHOICES, block_counts
 from identification.engine.search.stepwise import Chosen, Terms, extended, gains, residual_squares, stepwise
 from identification.gates import above_chance
@@ -156,7 +156,7 @@ def _prior_holding(residual: JointResidual, held: Float[Array, " F"], squared: F
 
 
 def _fitted_within_bounds(
-    residual: JointResidual, columns: LibraryColumns, products: Products, at: list[int]
+    residual: JointResidual, columns: LibraryColumns, products: SummedProducts, at: list[int]
 ) -> Float[Array, " k"]:
     """Coefficients of some columns of terms, followed by those of the nuisance columns within their bounds."""
     every = [*at, *columns.nuisances]
@@ -282,7 +282,7 @@ def gain_by_chance(residual: JointResidual, columns: LibraryColumns, remaining: 
     out = []
     for _ in range(_PERMUTATIONS):
         mixed = shuffled_pieces(pieces, rng)
-        products = prior.eliminate_from(Products(gram, mixed @ x, float(mixed @ mixed)))
+        products = prior.eliminate_from(SummedProducts(gram, mixed @ x, float(mixed @ mixed)))
         out.append(gains(columns.terms, products, ()).max())
     return float(np.quantile(out, above_chance.CLAIM_LEVEL))
 

@@ -51,7 +51,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
-    out, unseen = np.empty(log.motion.v.shape, dtype=bool), _unseen_speeds(log)
+    out, hidden_speeds = np.empty(log.motion.v.shape, dtype=bool), _speeds_below_a_step(log)
     for j in range(log.motion.q.shape[1]):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
         # A total motion of less than a millionth of a radian or metre is rounding errors.
@@ -64,7 +64,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         if noise_only and moves and _travels(q, kernel):
             v = np.convolve(v, kernel, mode="same")
             sigma, noise_only = _noise(v, kernel), False
-        slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99), unseen[j])
+        slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99), hidden_speeds[j])
         # Passing through zero is no standstill: the joint has to be slow for a whole period of the band's edge.
         at_standstill = np.convolve(slow, kernel, mode="same") > 0.999
         # If even the fastest speeds of a joint are noise, it is at standstill all the time.
@@ -73,7 +73,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     return out
 
 
-def _unseen_speeds(log: Log) -> Float[Array, " nv"]:
+def _speeds_below_a_step(log: Log) -> Float[Array, " nv"]:
     """Speed [rad/s or m/s] at which a joint moves one encoder step in a period of its low pass.
 
     It is zero if the encoder is so fine that the low pass was not lowered for it.
