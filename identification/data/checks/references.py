@@ -282,7 +282,7 @@ def _other_zeros(recording: Recording, robot: Robot, data: _Following) -> tuple[
         Fault(
             f"the zero of {listed([f'q_ref.{robot.joint_names[k]}' for k in joints])} is not that of the positions",
             f"{joint} follows its reference, but {difference[j]:.4g} rad from it, give or take {error[:, j].std():.2g}",
-            f"{entries_words(recording, corrections)}; or give q.{joint} that offset with the other sign, if the model has "
-            "its zero where the references have it",
+            f"{entries_words(recording, corrections)}; or give q.{joint} that offset with the other sign, if the model "
+            "has its zero where the references have it",
         ),
     )
