@@ -201,9 +201,9 @@ def _by_controllers(
 @one_blas_thread()
 def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     """The diagnosis by torques and measured poses. It states no gap only if other bands show none either."""
-    if not given.seen:
+    if not given.fitted:
         progress(Announcement(Stage.FITTING_POSES))
-        return DiagnosisWithoutPlan(diagnosis_of_poses(given.robot, given.tracked, given.places))
+        return DiagnosisWithoutPlan(diagnosis_of_poses(given.robot, given.with_poses, given.places))
     session = _session(given, progress)
     found = _of_session(given, session, progress)
     if found.diagnosis.verdict != "no_gap":
@@ -224,7 +224,7 @@ def _session(given: Prepared, progress: Progress, factor: float = 1.0) -> Sessio
     """The recordings in a common band whose edge is that chosen from the data times a factor."""
     progress(Announcement(Stage.FILTERING))
     known, changes = given.known, given.changes
-    return session_of(given.robot, given.seen, given.unseen, known=known, changes=changes, band_factor=factor)
+    return session_of(given.robot, given.fitted, given.held_out, known=known, changes=changes, band_factor=factor)
 
 
 def _of_session(given: Prepared, session: Session, progress: Progress) -> DiagnosisWithoutPlan:
@@ -245,7 +245,7 @@ def _of_session(given: Prepared, session: Session, progress: Progress) -> Diagno
         without_gain_ambiguities(judgement, session.recordings, rollout, robot), rollout
     )
     # Effects of single recordings explain changes between recordings. A further motion cannot separate their rivals.
-    between = bool(session.differences.own)
+    between = bool(session.differences.effects)
     judgement = with_user_words(with_catalogue_names(judgement, session) if between else judgement, robot)
     soft = (Note(Code.SOFT_FRICTION),) if session.robot.soft_friction else ()
     brakes = tuple(Note(Code.BRAKED, joint, {"file": log.file}) for log in session.logs for joint in log.braked)
@@ -256,7 +256,7 @@ def _of_session(given: Prepared, session: Session, progress: Progress) -> Diagno
     judgement = replace(judgement, notes=(*given.notes, *soft, *brakes, *endless, *drives, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
-    found = with_poses(found, robot, given.tracked, given.places)
+    found = with_poses(found, robot, given.with_poses, given.places)
     # No experiment is planned for a floating base either, because its motion cannot be predicted.
     return DiagnosisWithoutPlan(found, None if between or robot.floating else explanation, given.started)
 

@@ -12,7 +12,7 @@ from identification.api.inputs import described, listed
 from identification.api.results import Reference
 from identification.data.readers.read_table import read_raw
 from identification.degrade.degraded_log import degradation
-from identification.diagnosis.columns.known_geometry import OF_POSES
+from identification.diagnosis.columns.known_geometry import POSE_EFFECTS
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.export.corrected.found_effects import effect_of, findings_in_all_recordings
@@ -150,7 +150,7 @@ def _gain(name: str, given: object, nv: int) -> Float[Array, " nv"]:
 
 def _cause(robot: Robot, known: KnownEffect) -> Cause:
     """A known effect in the form that a simulation needs; an error for an effect on the geometry."""
-    if known.effect in OF_POSES:
+    if known.effect in POSE_EFFECTS:
         raise UsageError(
             f"{known.effect} of {known.joint or 'the base'} was given to be simulated, and changes where links are, "
             "not their torque: load the corrected.urdf beside the corrected.yaml, and leave this entry out."

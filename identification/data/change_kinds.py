@@ -1,4 +1,4 @@
-"""Kinds of change between two recordings that a user may name without stating their size.
+"""Kinds of change between recordings that a user can name without stating the size of the change.
 
 This module imports nothing else, so that the command line can list the names without loading NumPy.
 """

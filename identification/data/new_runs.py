@@ -26,8 +26,8 @@ _FEWEST_JOINTS = 2
 _LARGEST_SHARE = 0.01
 
 
-def parted(recording: Recording, prismatic: Bool[Array, " nv"]) -> Recording:
-    """The recording, from which each jump to another run is excluded; a warning says where these jumps are.
+def with_jumps_excluded(recording: Recording, prismatic: Bool[Array, " nv"]) -> Recording:
+    """The recording with each jump to another run excluded from fits; a warning says where these jumps are.
 
     Args:
         recording: Raw samples, with whole turns of encoders unwrapped.

@@ -13,7 +13,7 @@ from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.checks.readings.suspects import slow_clock, usual_clock
 from identification.data.checks.torques.unknown_torques import without_unknown_torques
-from identification.data.drives.compensation import as_they_acted, joints_without, put_back_sentences
+from identification.data.drives.compensation import joints_without, put_back_sentences, without_recorder_lag
 from identification.data.drives.joint_torque import (
     computed_from_references,
     drive_torque,
@@ -27,7 +27,7 @@ from identification.data.drives.lagging_references import with_lagging_reference
 from identification.data.floating.base_columns import base_readings
 from identification.data.floating.detected_contacts import with_detected_contacts
 from identification.data.mending import mended
-from identification.data.new_runs import parted
+from identification.data.new_runs import with_jumps_excluded
 from identification.data.readers.contract_columns import (
     ALONE,
     FEWEST_ROWS,
@@ -270,12 +270,12 @@ def recording(
         if np.any(table.columns.get(f"tau.{joint}", 0.0))
     ]
     tau, sentences = drive_torque(table, robot, torque_needed)
-    tau, unfiltered = (None, ()) if tau is None else as_they_acted(table, robot, tau)
+    tau, unfiltered = (None, ()) if tau is None else without_recorder_lag(table, robot, tau)
     weightless, torque_from = joints_without(table, robot, "gravity"), torque_sources(table, joints)
     loops = loops_of(table, joints)
     velocity_gain = voltage_slowing(table, robot, torque_from)
     reference_gain, reference_torque_limit = computed_from_references(table, robot, loops, torque_from)
-    # This frees the memory of the torques before positions are read, unless the caller keeps the table.
+    # The memory of the torques is freed here, before positions are read, unless the caller keeps the table.
     table = replace(table, columns={name: x for name, x in table.columns.items() if not name.startswith("tau.")})
     q = side_by_side([table.columns[f"q.{joint}"] for joint in joints])
     if weightless and robot.floating:
@@ -305,7 +305,7 @@ def recording(
         references_held=table.references_held if robot.reference_hold is None else robot.reference_hold == "zoh",
         reference_gain=reference_gain,
         reference_torque_limit=reference_torque_limit,
-        friction_taken=joints_without(table, robot, "friction"),
+        friction_subtracted=joints_without(table, robot, "friction"),
         temperature=_per_joint(table, "temp", joints),
         supply=table.columns.get("supply"),
         named=table.named,
@@ -363,7 +363,7 @@ def mended_and_checked(found: Recording, robot: Robot, *, anyway: bool = False) 
     if clock is not None and anyway:
         # Read in seconds, the motion would last for days and could not be simulated.
         found = replace(found, t=read_only(found.t * usual_clock(found)))
-    found = without_unknown_torques(parted(mended(found, robot.prismatic), robot.prismatic), robot)
+    found = without_unknown_torques(with_jumps_excluded(mended(found, robot.prismatic), robot.prismatic), robot)
     # Closed chains come first: if they do not close, there is no model to compare with.
     passive, checks = check_passive(found, robot), checked(found, robot)
     wrong = checks.wrong if clock is None or clock in checks.wrong else (clock, *checks.wrong)
@@ -396,4 +396,4 @@ def unassigned_recording(table: Table) -> Recording:
     if found.poses_alone:
         return found
     prismatic = np.zeros(len(joints), dtype=bool)  # without a robot, all joints count as revolute
-    return parted(mended(found, prismatic), prismatic)
+    return with_jumps_excluded(mended(found, prismatic), prismatic)

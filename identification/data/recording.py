@@ -160,9 +160,9 @@ class Recording:
         reference_gain: Torque per unit of the reference [N m/rad or N/m] if ``tau`` was computed from references, zero
             for other joints, ``(nv,)``; None if there is no such joint.
         reference_torque_limit: Limit of the torque from references, ``(nv,)``; None if ``reference_gain`` is None.
-        friction_taken: Joints from whose torque a controller had subtracted friction. The model's friction is added
-            when the velocities have been computed.
-        unread: Joints whose torque has rows that were not measured. Their drives count as unknown.
+        friction_subtracted: Joints from whose torque a controller had subtracted friction. The model's friction is
+            added when the velocities have been computed.
+        unread: Joints whose torque was not measured in some rows. Their drives count as unknown.
         wrong: Certain faults; a recording with one is refused, see `identification.data.refusal`.
         anyway: True if the recording is used in spite of certain faults.
         named: Column of the file for each standard name in the user's column map; empty without a map.
@@ -197,7 +197,7 @@ class Recording:
     references_held: bool = False
     reference_gain: Float[Array, " nv"] | None = None
     reference_torque_limit: Float[Array, " nv"] | None = None
-    friction_taken: tuple[str, ...] = ()
+    friction_subtracted: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False

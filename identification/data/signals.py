@@ -229,8 +229,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     smooth, v, a = differentiate(q, rate, edges)
     if recording.velocity_gain is not None:
         tau = tau + recording.velocity_gain * (_on_grid(recording.t, differences(recording), t) - v)
-    if recording.friction_taken:
-        tau = tau + active_friction(robot, v) * np.isin(robot.joint_names, recording.friction_taken)
+    if recording.friction_subtracted:
+        tau = tau + active_friction(robot, v) * np.isin(robot.joint_names, recording.friction_subtracted)
     temperature = None if recording.temperature is None else _on_grid(recording.t, recording.temperature, t)
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     references = None if q_ref is None else _references(recording, robot, t, q_ref, q, v)
@@ -240,7 +240,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     fields = (q, q_ref, external, steps, temperature, references, touched_rows(recording, robot, t))
     between = between_readings(recording, robot, t, held_references)
     tau = tau if between is None else tau + between.torque
-    arrival = (None, None) if between is None else (between.arrival, between.doubt)
+    arrival = (None, None) if between is None else (between.arrival, between.nonlinear_std)
     sensors, noise = sensors_of_base(recording), interpolated_noise(recording.t, t)
     return Log(
         recording.file, recording.joint_names, motion, tau, band, valid, *fields, sensors, *arrival, noise, edges

@@ -10,7 +10,7 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 
 @dataclass(frozen=True)
-class Followed:
+class SimulatedPositions:
     """Simulated positions of the given and the corrected model, in windows that start from the recorded state.
 
     Attributes:
@@ -45,7 +45,7 @@ class Evidence:
         tau_without: For each finding, torque of the corrected model without that finding, ``(N, nv)``, by fits to other
             blocks; empty if not computed.
         sample_period: Median sampling period of the recordings [s], before they were thinned; None: unknown.
-        followed: Simulated motion of both models; None if there is none.
+        simulated: Simulated motion of both models; None if there is none.
         valid: False for samples that must not be used, such as those in a gap of a recording; None: all may be used.
         touched: True where something touches the links that a joint carries, so that its torque is not used,
             ``(N, nv)``; None: no contacts are known.
@@ -63,7 +63,7 @@ class Evidence:
     tau_transmitted: Float[Array, "N nv"] | None = None
     tau_without: tuple[Float[Array, "N nv"], ...] = ()
     sample_period: float | None = None
-    followed: Followed | None = None
+    simulated: SimulatedPositions | None = None
     valid: Bool[Array, " N"] | None = None
     touched: Bool[Array, "N nv"] | None = None
 
@@ -81,14 +81,14 @@ class Evidence:
         """The usable samples alone; a gap of a recording is then a gap in time."""
         if self.valid is None or self.valid.all():
             return self
-        rows, followed = self.valid, self.followed
+        rows, simulated = self.valid, self.simulated
         return replace(
             self,
             **{name: getattr(self, name)[rows] for name in ("t", "q", "v", "a")},
             **{name: getattr(self, name)[rows] for name in ("tau_measured", "tau_before", "tau_after")},
             tau_transmitted=None if self.tau_transmitted is None else self.tau_transmitted[rows],
             tau_without=tuple(torque[rows] for torque in self.tau_without),
-            followed=followed and replace(followed, before=followed.before[rows], after=followed.after[rows]),
+            simulated=simulated and replace(simulated, before=simulated.before[rows], after=simulated.after[rows]),
             valid=None,
             touched=None if self.touched is None else self.touched[rows],
         )

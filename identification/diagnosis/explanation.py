@@ -54,9 +54,9 @@ from identification.gates import above_chance
 from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Float
 
-# Largest number of searches after the first, each with laws linearised about the result of the last one.
+# Largest number of searches after the first. Each linearises the laws about the result of the search before it.
 _REFINEMENTS = 3
-# Largest number of times that a fit is repeated with its own residual as the noise, without another search.
+# Largest number of repetitions of a fit with weights from its own residual, without another search.
 _WEIGHED_AGAIN = 2
 # Largest number of effects that are tested although they gain less than the threshold of chance.
 _PROBATIONS = 3
@@ -138,24 +138,24 @@ def _explanation_of(session: Session, progress: Progress, allowed: Iterator[int]
         if allowed is None
         else _explained_by_search(search, noise, sensed, progress)
     )
-    before: tuple[FoundEffect, ...] = ()
-    tried: set[tuple[str, str | None]] = set()
+    found_before: tuple[FoundEffect, ...] = ()
+    tried_rivals: set[tuple[str, str | None]] = set()
     for _ in range(0 if allowed is None else _REFINEMENTS):
         noise, ratio = _noise_after(last.search, last.chosen, last.noise, sensed)
         last = replace(last, noise=noise)
         fitted = last.search.held_out_fit(last.chosen)
-        found, near = found_effects(fitted, last.chosen), runners_up(last.search, last.chosen)
-        points = (*found, *near)
-        same = same_points(found, before) and tried.issuperset(rival.effect_joint for rival in near)
+        found, rivals = found_effects(fitted, last.chosen), runners_up(last.search, last.chosen)
+        points = (*found, *rivals)
+        same = same_points(found, found_before) and tried_rivals.issuperset(rival.effect_joint for rival in rivals)
         # Stop if the noise is hardly smaller, and no law would be linearised about another point.
         if ratio >= rules.LOWER_NOISE and (same or not needs_refinement(points)):
             break
-        before = found
-        tried.update(rival.effect_joint for rival in near)
+        found_before = found
+        tried_rivals.update(rival.effect_joint for rival in rivals)
         if points:
             problem = last.search.problem
             residual = residual_after(problem, held_out_torque(problem, last.chosen, fitted))
-            point = replace(point, found=found, runners_up=near, residual=residual)
+            point = replace(point, found=found, runners_up=rivals, residual=residual)
             # Products take much memory, so these are freed before the next ones are computed.
             del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)

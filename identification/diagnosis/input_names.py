@@ -13,8 +13,8 @@ def is_frequency(name: str) -> bool:
     return name.startswith("freq(") and name.endswith(")")
 
 
-def base_of(name: str) -> str:
-    """The input of a frequency's name; any other name unchanged."""
+def input_of(name: str) -> str:
+    """The input whose frequency a name states; any other name unchanged."""
     return name[len("freq(") : -1] if is_frequency(name) else name
 
 

@@ -134,7 +134,7 @@ class ResidualModel:
         states: Expressions of the internal states, in the order of ``s``.
         valid: Range of each input in the recordings.
         predicted_share: Share of the residual's squares that the model predicts on held-out blocks.
-        lawful: True if the model contains the law; False if no law was found and the model is a sum of library terms.
+        contains_law: True if the model contains the law; without a law (False) it is a sum of library terms.
         slow: Speed below which the sign of the velocity changes gradually.
         bands: Lowest and highest frequency at which each frequency response is known [Hz].
     """
@@ -145,7 +145,7 @@ class ResidualModel:
     states: tuple[str, ...]
     valid: dict[str, Pair]
     predicted_share: float
-    lawful: bool
+    contains_law: bool
     slow: float
     bands: dict[str, Pair] = field(default_factory=dict)
 

@@ -42,8 +42,8 @@ class GateResult:
     passed: bool
 
     @property
-    def part(self) -> float:
-        """Value divided by the needed value, or their difference if zero is needed: how nearly a gate is passed."""
+    def closeness(self) -> float:
+        """How nearly the gate is passed: value over needed value, or their difference if zero is needed."""
         return self.value / self.needed if self.needed > 0.0 else self.value - self.needed
 
 
@@ -96,7 +96,7 @@ def until_failed(results: Iterable[GateResult]) -> tuple[GateResult, ...]:
     return tuple(out)
 
 
-def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
+def easiest_test(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
     """Result of a gate with several alternative tests: of the first test that passes, or of the most nearly passed one.
 
     Args:
@@ -108,12 +108,12 @@ def easiest(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateResult:
         tried.append(GateResult(gate, value, needed, unit, value > needed))
         if tried[-1].passed:
             return tried[-1]
-    return max(tried, key=lambda result: result.part)
+    return max(tried, key=lambda result: result.closeness)
 
 
 def fails_worst(results: Mapping[Key, GateResult]) -> Key | None:
-    """The claim with the lowest `GateResult.part` among those that fail a gate; None if all claims pass."""
-    failed = {key: result.part for key, result in results.items() if not result.passed}
+    """The claim with the lowest `GateResult.closeness` among those that fail a gate; None if all claims pass."""
+    failed = {key: result.closeness for key, result in results.items() if not result.passed}
     return min(failed, key=lambda key: failed[key], default=None)
 
 

@@ -33,7 +33,7 @@ def shapley_values(players: tuple[Player, ...], worth: Callable[[frozenset[Playe
     hundred sets per player.
 
     Args:
-        players: All players.
+        players: Players, in any order.
         worth: Worth of any set of players: zero for the empty set, about one for all players.
     """
     count = len(players)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.columns.known_geometry import OF_POSES
+from identification.diagnosis.columns.known_geometry import POSE_EFFECTS
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.check.file_torques import MJCF_FORMAT, URDF_FORMAT, used_numbers
 from identification.export.corrected.corrected_model import numbers_of_effect
@@ -84,7 +84,7 @@ def _effects_in_robot(file: Path, effects: Iterable[KnownEffect], robot: Robot) 
     return [
         one.effect if one.joint is None else f"{one.effect} on {one.joint}"
         for one in effects
-        if one.effect in OF_POSES or used_numbers(numbers_of_effect(robot, one)) & numbers
+        if one.effect in POSE_EFFECTS or used_numbers(numbers_of_effect(robot, one)) & numbers
     ]
 
 

@@ -18,8 +18,8 @@ CLAIM_LEVEL = 0.99
 # gain: smallest gain on held-out data that a claim needs, however small the gain by chance is.
 LEAST_GAIN = 20.0
 
-# gain: price of one parameter, about the logarithm of the effective number of samples (BIC). Of two explanations, one
-# that has one more parameter is better only if it gains more than this beyond the other.
+# gain: price of one parameter, about the logarithm of the effective number of samples (BIC). An explanation with one
+# more parameter than another is better only if it gains more than this in addition.
 PARAMETER_PRICE = 5.0
 
 

@@ -14,7 +14,7 @@ LEAST_SHARE_OF_GAP = 0.01
 
 # share of the squared residual after the other effects: an effect that closes more than this may close less of the gap
 # than the share above. Errors of the other laws match no effect of the catalogue, so no wrong effect closes as much of
-# the residual that they leave.
+# that remaining residual.
 SHARE_OF_LEFT = 0.75
 
 # share of the squared torque: errors of alignment, derivatives and the linearised tolerances, 2.6 % of a torque. A

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identification.engine import contract_levels
-from identification.engine.claims import GateResult, easiest
+from identification.engine.claims import GateResult, easiest_test
 
 
 def large_enough(gap_closed: float, floors: float) -> GateResult:
@@ -19,4 +19,4 @@ def large_enough(gap_closed: float, floors: float) -> GateResult:
         (gap_closed, contract_levels.MINOR_SHARE, "of the gap"),
         (floors, contract_levels.MINOR_FLOORS, "floors"),
     )
-    return easiest("large enough", ways)
+    return easiest_test("large enough", ways)

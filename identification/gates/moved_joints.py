@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from identification.engine.claims import GateResult, easiest
+from identification.engine.claims import GateResult, easiest_test
 from identification.gates.over_blocks import SIGNIFICANT_ERRORS
 from phantom_dyn.array_types import Array, Bool, Float
 
@@ -37,7 +37,7 @@ def shown_by_motion(claim: GateResult, held_out: float, in_sample: float, scatte
     # Both tests have to pass, so the result is that of the harder one: one that fails, or passes by the smaller factor.
     harder = min(tests, key=lambda test: (test[0] > test[1], test[0] / max(test[1], 1e-300)))
     ways = [(claim.value, claim.needed, claim.unit)] if claim.passed else []
-    return easiest("shown by motion", [*ways, (*harder, "gain where the motion is loud")])
+    return easiest_test("shown by motion", [*ways, (*harder, "gain where the motion is loud")])
 
 
 def shown_above_noise(
@@ -68,5 +68,5 @@ def shown_above_noise(
         yield float(over_allowed(grown)[grown].max()), 1.0, "floors"
         yield *in_highest_noise(), "gain in the loudest noise"
 
-    found = easiest("shown above noise", ways())
+    found = easiest_test("shown above noise", ways())
     return found if found.passed or not has_structure(grown) else replace(found, passed=True)

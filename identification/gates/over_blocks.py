@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from identification.engine.claims import GateResult, easiest
+from identification.engine.claims import GateResult, easiest_test
 from phantom_dyn.array_types import Array, Float
 
 # standard errors over blocks: a gain larger than this is significant.
@@ -67,4 +67,4 @@ def in_enough_blocks(
             yield float(gains[acting > ACTING].min(initial=np.inf)), 0.0, "gain of the least block where it acts"
         yield gain, LARGE_GAIN * needed, "gain"
 
-    return easiest("in enough blocks", ways())
+    return easiest_test("in enough blocks", ways())

@@ -13,35 +13,35 @@ from identification.engine.claims import GateResult
 DIFFERS_FROM_ZERO = 0.999
 
 # probability: smallest certainty, by the same test, that an effect differs from its simpler law: a single comparison.
-# The same if noise cannot be the cause of the gap that the effect closes: something is there, and the question is what.
+# It also holds if noise cannot cause the gap that the effect closes: some effect is then certain, and the only question
+# is which one.
 DIFFERS_FROM_SIMPLER = 0.95
 
 # probability: smallest certainty, by Student's test, that play and spring of a joint are both not zero if both are
 # fitted.
 BOTH_THERE = 0.99
 
-# share: wrong inertial parameters explain some squared torque. If the robot lacks one part of the model, and this alone
-# explains at least this share of that torque, a note names the part. The torque left then has at most half of the
-# amplitude.
+# share: of the squared torque that wrong inertial parameters explain. If the absence of one part of the model explains
+# at least this share of it, a note names the part. The remaining torque then has at most half of the amplitude.
 PART_SHARE = 0.75
 
 # share: from this share on, the missing part is reported as the finding instead of wrong inertial parameters. The
-# torque left has at most a third of the amplitude; it includes errors of the links before the part, within their
-# tolerances.
+# remaining torque has at most a third of the amplitude; it includes errors, within tolerances, of the links before the
+# part.
 PART_CERTAIN = 0.9
 
 
 def differs_from_simpler(certain: float, something_there: bool) -> GateResult:
     """Is the size of an effect not zero, and does the effect differ from the simpler law that is its special case?
 
-    For example, Coulomb friction is the simpler law of Stribeck friction.
-    A stronger effect would pass, or a recording that shows the effect more clearly.
+    For example, Coulomb friction is the simpler law of Stribeck friction. A stronger effect would pass, or a recording
+    that shows the effect more clearly.
 
     Args:
         certain: Probability that a recording without the difference (size zero, or the simpler law true) would show a
             smaller one.
-        something_there: True if the special case is a simpler law, or if the gap that the effect closes cannot be
-            noise; False if there may be no effect at all.
+        something_there: True if some effect is certain: the special case is a simpler law, or the gap that the effect
+            closes cannot be noise. False if there may be no effect at all.
     """
     needed = DIFFERS_FROM_SIMPLER if something_there else DIFFERS_FROM_ZERO
     return GateResult("differs from simpler", certain, needed, "probability", certain >= needed)

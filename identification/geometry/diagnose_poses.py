@@ -34,7 +34,7 @@ from identification.geometry.judgement import (
     gap_of,
     pose_bounds,
 )
-from identification.geometry.measured import Measured, has_poses, measured_poses
+from identification.geometry.measured import PoseSet, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.pins import KnownPlaces, loops_of
 from identification.geometry.result import (
@@ -46,7 +46,7 @@ from identification.geometry.result import (
     PoseFinding,
 )
 from identification.geometry.stated_frames import problem_of
-from identification.geometry.whitened import SEEN, blocks_of, held_out_residual_of_rows
+from identification.geometry.whitened import LEAST_INDEPENDENT_SHARE, blocks_of, held_out_residual_of_rows
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array
 from phantom_dyn.errors import LogError
@@ -56,7 +56,7 @@ from phantom_dyn.model.robot import Robot
 _STRUCTURE = 0.003
 FEWEST = 20
 """Least number of poses of a frame that determine the poses of base and target and the noise."""
-At = tuple[str, str | None]
+EffectJoint = tuple[str, str | None]
 """Name of an effect, and name of its joint."""
 # Factor between the noise that each method finds without a model, and the noise that its estimate may miss. Second
 # differences of a motion see no noise that is correlated in time.
@@ -99,7 +99,7 @@ def diagnose_poses(
 
 def _result(explained: ExplainedPoses) -> GeometryResult:
     """The verdict on a fit, with everything that the report states about the poses."""
-    gap = gap_of(explained, blocks_of(explained.equations))
+    gap = gap_of(explained, blocks_of(explained.whitened))
     frames, evidence = _frames(explained, gap)
     found = findings_of(explained, gap)
     bounds, unseen = pose_bounds(explained, found)
@@ -119,7 +119,7 @@ def _result(explained: ExplainedPoses) -> GeometryResult:
         not_testable=unseen,
         fitted=_fitted(explained),
         delays=_delays(explained),
-        rank=explained.equations.rank,
+        rank=explained.whitened.rank,
         structured=structured,
         warnings=_warnings(explained),
         evidence=evidence,
@@ -164,7 +164,7 @@ def _more_than_found(explained: ExplainedPoses) -> bool:
     """True if all terms together fit significantly better than the findings do (F test)."""
     from scipy.special import fdtrc
 
-    more = explained.equations.rank - len(explained.chosen)
+    more = explained.whitened.rank - len(explained.chosen)
     if more <= 0:
         return False
     # The noise is that of the fit of all terms, whose sum of squares is therefore the degrees of freedom.
@@ -174,7 +174,7 @@ def _more_than_found(explained: ExplainedPoses) -> bool:
 
 def _above_floor(explained: ExplainedPoses) -> bool:
     """True if the residual of the fit of all terms is larger than the noise that was measured without a model."""
-    for series in np.unique(explained.found.series):
+    for series in np.unique(explained.linearised.series):
         floor = floor_of(explained, int(series))
         limit = _MISSED_NOISE.get(floor.source, np.inf) * contract_levels.FLOORS_LEFT * floor.interval[1]
         if explained.noise.sigma[series] > limit:
@@ -184,14 +184,14 @@ def _above_floor(explained: ExplainedPoses) -> bool:
 
 def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], PoseEvidence]:
     """Errors of each frame before and after the fit, and the errors of every pose for the figures."""
-    found, sets = explained.found.rows(explained.kept), explained.problem.sets
-    size = (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[found.series]
+    linearised, sets = explained.linearised.rows(explained.kept), explained.problem.sets
+    size = (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[linearised.series]
     before, after = (
-        size * held_out_residual_of_rows(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen)
+        size * held_out_residual_of_rows(explained.whitened, gap.blocks, chosen) for chosen in ((), explained.chosen)
     )
 
     def errors_of(series: int) -> list[Array]:
-        rows = found.series == series
+        rows = linearised.series == series
         return [np.linalg.norm(x[rows].reshape(-1, 3), axis=1) for x in (before, after)]
 
     gaps: list[FrameGap] = []
@@ -204,14 +204,14 @@ def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], 
         gaps.append(_gap(explained, one, positions, errors))
         if one.turn is not None:
             gaps.append(_gap(explained, one, orientations, errors_of(orientations)))
-        t = one.t[found.pose[found.series == positions][::3] - poses_before]  # each position has three rows
+        t = one.t[linearised.pose[linearised.series == positions][::3] - poses_before]  # each position has three rows
         columns.append((t, np.full(len(t), float(names.index(one.frame))), *errors, np.full(len(t), one.moving)))
         poses_before += len(one.t)
     t, frame, before, after, moving = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     return tuple(gaps), PoseEvidence(t, names, frame, before, after, moving)
 
 
-def _gap(explained: ExplainedPoses, one: Measured, series: int, errors: list[Array]) -> FrameGap:
+def _gap(explained: ExplainedPoses, one: PoseSet, series: int, errors: list[Array]) -> FrameGap:
     """Errors of the positions or orientations of one frame; ``errors`` are the lengths before and after the fit."""
     before, after = (float(np.sqrt(np.mean(x**2))) for x in errors)
     floor = floor_of(explained, series)
@@ -253,11 +253,11 @@ def _numbers(pose: Array) -> tuple[float, ...]:
 
 def _delays(explained: ExplainedPoses) -> tuple[PoseDelay, ...]:
     """The fitted delays that the poses determine, with their standard deviations."""
-    found = explained.found
-    scale = explained.kept / (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[found.series]
-    columns = np.hstack([found.nuisance, found.columns[:, list(explained.chosen)]]) * scale[:, None]
+    linearised = explained.linearised
+    scale = explained.kept / (explained.noise.sigma * np.sqrt(explained.noise.correlation_time))[linearised.series]
+    columns = np.hstack([linearised.nuisance, linearised.columns[:, list(explained.chosen)]]) * scale[:, None]
     out = []
-    for k, kind in enumerate(found.kinds):
+    for k, kind in enumerate(linearised.kinds):
         if kind.kind == DELAY:
             own = _own_size(columns, k)
             if own > 0:
@@ -269,12 +269,12 @@ def _delays(explained: ExplainedPoses) -> tuple[PoseDelay, ...]:
 def _own_size(columns: Array, k: int) -> float:
     """Norm of the part of a column that is orthogonal to all other columns; zero if this part is a rounding error."""
     own = float(np.linalg.norm(orthogonal_part(columns[:, [k]], orthonormal(np.delete(columns, k, axis=1), 1e-9))))
-    return own if own > SEEN * float(np.linalg.norm(columns[:, k])) else 0.0
+    return own if own > LEAST_INDEPENDENT_SHARE * float(np.linalg.norm(columns[:, k])) else 0.0
 
 
 def _warnings(explained: ExplainedPoses) -> tuple[Note, ...]:
     """A note on outliers, if poses were left out of the fit."""
-    left_out = len(np.unique(explained.found.pose)) - len(np.unique(explained.found.pose[explained.kept]))
+    left_out = len(np.unique(explained.linearised.pose)) - len(np.unique(explained.linearised.pose[explained.kept]))
     if not left_out:
         return ()
     files = tuple(dict.fromkeys(one.file for one in explained.problem.sets))
@@ -286,7 +286,7 @@ def size_of(finding: PoseFinding) -> GateResult:
     return large_enough(finding.share, float(np.sqrt(max(finding.floors, 0.0))))
 
 
-def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding]) -> tuple[Claim[At], ...]:
+def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding]) -> tuple[Claim[EffectJoint], ...]:
     """Entries of the ledger: the findings, then those effects and joints without a finding that explain most.
 
     Args:
@@ -296,7 +296,7 @@ def claims_of(explained: ExplainedPoses, gap: Gap, found: Sequence[PoseFinding])
     """
     groups = by_effect_joint(explained.problem.terms, explained.chosen)
     claims = [_claim_of_finding(explained, gap, groups[finding.effect, finding.joint], finding) for finding in found]
-    places = by_effect_joint(explained.problem.terms, explained.fits.seen)
+    places = by_effect_joint(explained.problem.terms, explained.fits.independent)
     near = [_best_term_of(explained, at, terms, groups) for at, terms in places.items() if at not in groups]
     near = sorted(near, key=lambda one: -one.most)[:NEVER_CLAIMED]
     return (*claims, *(_claim_of_place(explained, gap, one, groups) for one in near))
@@ -315,11 +315,11 @@ class _UnclaimedPlace:
         gain_of_other: Decrease of the sum of squares by the finding ``other`` itself.
     """
 
-    at: At
+    at: EffectJoint
     term: int
     gain_if_added: float = -np.inf
     gain_if_replacing: float = -np.inf
-    other: At | None = None
+    other: EffectJoint | None = None
     gain_of_other: float = 0.0
 
     @property
@@ -328,7 +328,9 @@ class _UnclaimedPlace:
         return max(self.gain_if_added, self.gain_if_replacing)
 
 
-def _best_term_of(explained: ExplainedPoses, at: At, terms: Sequence[int], groups: dict[At, Group]) -> _UnclaimedPlace:
+def _best_term_of(
+    explained: ExplainedPoses, at: EffectJoint, terms: Sequence[int], groups: dict[EffectJoint, Group]
+) -> _UnclaimedPlace:
     """The parameter of an effect and joint that explains most, added to all findings or in place of one of them."""
     fits, chosen = explained.fits, explained.chosen
     every = []
@@ -346,7 +348,7 @@ def _best_term_of(explained: ExplainedPoses, at: At, terms: Sequence[int], group
     return max(every, key=lambda one: one.most)
 
 
-def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[At]:
+def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding: PoseFinding) -> Claim[EffectJoint]:
     """Entry of the ledger for a finding, whose terms are ``group``."""
     fits, chosen = explained.fits, explained.chosen
     # Each parameter of a finding has to pass the gate on its own: the smallest decrease decides.
@@ -357,7 +359,9 @@ def _claim_of_finding(explained: ExplainedPoses, gap: Gap, group: Group, finding
     return Claim(((finding.effect, finding.joint),), gates, outcome, (), {"closes": _closes(gap, group)}, "poses")
 
 
-def _claim_of_place(explained: ExplainedPoses, gap: Gap, near: _UnclaimedPlace, groups: dict[At, Group]) -> Claim[At]:
+def _claim_of_place(
+    explained: ExplainedPoses, gap: Gap, near: _UnclaimedPlace, groups: dict[EffectJoint, Group]
+) -> Claim[EffectJoint]:
     """Entry of the ledger for an effect on a joint without a finding."""
     if np.isfinite(near.gain_if_added):
         gate = more_than_chance(near.gain_if_added, explained.price)

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
-from identification.geometry.measured import Measured
+from identification.geometry.measured import PoseSet
 from identification.geometry.pins import (
     Loops,
     closed_positions,
@@ -25,9 +25,9 @@ from identification.geometry.pins import (
     joint_index,
     move_frame,
     position_sensitivities,
-    rounded,
+    without_rounding_errors,
 )
-from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, placed, subspace
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, PoseTerm, pose_of_numbers, subspace
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
@@ -117,7 +117,7 @@ class PoseProblem:
     """
 
     robot: Robot
-    sets: tuple[Measured, ...]
+    sets: tuple[PoseSet, ...]
     paths: Mapping[int, CubicSpline]
     terms: tuple[PoseTerm, ...]
     in_root: bool = False
@@ -213,8 +213,8 @@ def _equations_of_set(
     q = true_positions(q, one.load, problem.terms, estimate.values)
     base_error = _pose_error(problem, estimate, BASE_POSE, None)
     tool_error = _pose_error(problem, estimate, TOOL_POSE, one.frame)
-    base = pin.SE3(estimate.base[one.recording]) * placed(base_error)
-    tool = pin.SE3(estimate.tool[number]) * placed(tool_error)
+    base = pin.SE3(estimate.base[one.recording]) * pose_of_numbers(base_error)
+    tool = pin.SE3(estimate.tool[number]) * pose_of_numbers(tool_error)
     x = tree_positions(problem, model, one, q)
     # Derivatives of the target's twist by the base, by the joint placements (regressor), and by the joint positions.
     residual, by_base, regressor = _residuals_and_derivatives(model, one, x, base, tool)
@@ -223,9 +223,9 @@ def _equations_of_set(
     if problem.loops is not None:
         # An error moves the target directly, and through the passive joints that close the loops again.
         changes = position_sensitivities(replace(problem.loops, model=model), x)
-        regressor = rounded(regressor + motions @ changes.by_place)
+        regressor = without_rounding_errors(regressor + motions @ changes.by_place)
         for frame, moves in changes.by_pin.items():
-            by_pin[frame] = rounded(_pin_columns(model, one, frame, tool) + motions @ moves)
+            by_pin[frame] = without_rounding_errors(_pin_columns(model, one, frame, tool) + motions @ moves)
         motions = motions @ changes.by_active
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
     for k, unknown in enumerate(kinds):
@@ -262,7 +262,7 @@ def _equations_of_set(
 
 
 def tree_positions(
-    problem: PoseProblem, model: pin.Model, one: Measured, q: Float[Array, "n nv"]
+    problem: PoseProblem, model: pin.Model, one: PoseSet, q: Float[Array, "n nv"]
 ) -> Float[Array, "n nt"]:
     """Positions of all joints of the tree [rad or m]; of an open chain, ``q`` itself.
 
@@ -277,7 +277,7 @@ def tree_positions(
     return closed_positions(replace(problem.loops, model=model), q, problem.robot.solutions.at(one.q).x)
 
 
-def _pin_columns(model: pin.Model, one: Measured, frame: int, tool: pin.SE3) -> Float[Array, "6 6"]:
+def _pin_columns(model: pin.Model, one: PoseSet, frame: int, tool: pin.SE3) -> Float[Array, "6 6"]:
     """Derivative of the target's twist by the twist of a pin; zero if the target is not fixed to the pin."""
     if not is_fixed_to(model, one.index, frame):
         return np.zeros((6, 6))
@@ -302,7 +302,7 @@ def _pose_error(problem: PoseProblem, estimate: Estimate, effect: str, of: str |
 
 
 def _residuals_and_derivatives(
-    model: pin.Model, one: Measured, x: Array, base: pin.SE3, tool: pin.SE3
+    model: pin.Model, one: PoseSet, x: Array, base: pin.SE3, tool: pin.SE3
 ) -> tuple[Float[Array, "n 6"], Float[Array, "n 6 6"], Float[Array, "n 6 j"]]:
     """Residual of each pose; derivatives of the target's twist by the twists of the base and of joint placements."""
     data, configuration = model.createData(), configurations(model, x)

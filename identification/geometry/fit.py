@@ -19,7 +19,7 @@ from identification.geometry.equations import (
     equations,
     tree_positions,
 )
-from identification.geometry.measured import Measured
+from identification.geometry.measured import PoseSet
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.motion import configurations
 
@@ -47,7 +47,7 @@ def start_of(problem: PoseProblem) -> Estimate:
     return Estimate(np.zeros(len(problem.terms)), base, tuple(tools), (0.0,) * problem.recordings)
 
 
-def frame_poses(problem: PoseProblem, one: Measured) -> Float[Array, "n 4 4"]:
+def frame_poses(problem: PoseProblem, one: PoseSet) -> Float[Array, "n 4 4"]:
     """Poses of a frame in the robot's root frame, predicted by the given model.
 
     Args:
@@ -77,7 +77,7 @@ def _nearest_rotation(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
     return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
 
 
-def _target(frames: Float[Array, "n 4 4"], base: Float[Array, "4 4"], one: Measured) -> Float[Array, "4 4"]:
+def _target(frames: Float[Array, "n 4 4"], base: Float[Array, "4 4"], one: PoseSet) -> Float[Array, "4 4"]:
     """Pose of a target in its frame: mean orientation, and no translation."""
     out = np.eye(4)
     if one.turn is None:
@@ -121,18 +121,18 @@ def fitted(
     return estimate, current
 
 
-def _cost(found: Equations, weights: Array, kept: Array | float) -> float:
+def _cost(linearised: Equations, weights: Array, kept: Array | float) -> float:
     """Weighted sum of squares of the residual."""
-    return float(np.sum((found.residual * weights[found.series] * kept) ** 2))
+    return float(np.sum((linearised.residual * weights[linearised.series] * kept) ** 2))
 
 
-def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array | float) -> Array:
+def _step(linearised: Equations, chosen: Sequence[int], weights: Array, kept: Array | float) -> Array:
     """Gauss-Newton step of the nuisances and the chosen terms; the step of least norm if it is not unique."""
-    scale = weights[found.series] * kept
-    matrix = np.hstack([found.nuisance, found.columns[:, list(chosen)]]) * scale[:, None]
+    scale = weights[linearised.series] * kept
+    matrix = np.hstack([linearised.nuisance, linearised.columns[:, list(chosen)]]) * scale[:, None]
     norms = np.linalg.norm(matrix, axis=0)
     norms[norms == 0] = 1.0
-    return np.linalg.lstsq(matrix / norms, found.residual * scale, rcond=RANK)[0] / norms
+    return np.linalg.lstsq(matrix / norms, linearised.residual * scale, rcond=RANK)[0] / norms
 
 
 def stepped(kinds: Sequence[Nuisance], estimate: Estimate, chosen: Sequence[int], step: Float[Array, " k"]) -> Estimate:

@@ -41,10 +41,10 @@ class ExplainedPoses:
     Attributes:
         problem: Poses and terms.
         estimate: Fitted nuisances and chosen terms; other terms are zero.
-        found: Equations linearised at the estimate.
+        linearised: Equations linearised at the estimate.
         noise: Noise of the poses.
-        equations: Equations in units of the noise. Their residual is the one without any term.
-        fits: Products of the columns and the residual of ``equations``.
+        whitened: Equations in units of the noise. Their residual is the one without any term.
+        fits: Products of the columns and the residual of ``whitened``.
         price: Decrease of the sum of squares, in units of the noise variance, that a term needs.
         chosen: Indices of the chosen terms.
         kept: False for rows of outliers, ``(m,)``.
@@ -52,9 +52,9 @@ class ExplainedPoses:
 
     problem: PoseProblem
     estimate: Estimate
-    found: Equations
+    linearised: Equations
     noise: Noise
-    equations: Whitened
+    whitened: Whitened
     fits: SetFits
     price: float
     chosen: tuple[int, ...]
@@ -63,10 +63,10 @@ class ExplainedPoses:
 
 @dataclass(frozen=True)
 class _PoseFit:
-    """A fit at which columns are computed: estimate, equations linearised there, rows in use, and noise."""
+    """A fit about which columns are computed: estimate, equations linearised there, rows in use, and noise."""
 
     estimate: Estimate
-    found: Equations
+    linearised: Equations
     kept: Bool[Array, " m"]
     noise: Noise
 
@@ -80,21 +80,21 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
     terms = problem.terms
     named = [term.unit for term in terms], [_name(term) for term in terms]
     moving = np.repeat([one.moving for one in problem.sets], 2)
-    estimate, found = fitted(problem, start_of(problem), (), np.ones(2 * len(problem.sets)))
-    block = _blocks(problem, found)
+    estimate, linearised = fitted(problem, start_of(problem), (), np.ones(2 * len(problem.sets)))
+    block = _blocks(problem, linearised)
 
     def noise(at: _PoseFit) -> Noise:
-        return noise_of(at.found, *named, moving, at.kept)
+        return noise_of(at.linearised, *named, moving, at.kept)
 
     def equations_at(at: _PoseFit) -> tuple[Whitened, SetFits, float]:
-        equations = whitened(at.found, at.estimate.values, at.noise, block, at.kept, named)
-        fits = set_fits(equations.columns, equations.residual, bounds_of(terms), equations.seen)
-        return equations, fits, squares_by_chance(equations.rank, at.noise.degrees_of_freedom, CHANCE)
+        in_noise_units = whitened(at.linearised, at.estimate.values, at.noise, block, at.kept, named)
+        fits = set_fits(in_noise_units.columns, in_noise_units.residual, bounds_of(terms), in_noise_units.independent)
+        return in_noise_units, fits, squares_by_chance(in_noise_units.rank, at.noise.degrees_of_freedom, CHANCE)
 
     def search(at: _PoseFit, earlier_searches: int) -> tuple[_PoseFit, tuple[int, ...]]:
         at = replace(at, noise=noise(at))
         if earlier_searches == 1:  # before, errors of the geometry would count as outliers
-            at = replace(at, kept=_without_outliers(at.found, at.noise, at.kept))
+            at = replace(at, kept=_without_outliers(at.linearised, at.noise, at.kept))
             at = replace(at, noise=noise(at))
         return at, few_columns(*equations_at(at)[1:])
 
@@ -102,14 +102,14 @@ def explain_poses(problem: PoseProblem) -> ExplainedPoses:
         values = np.zeros(len(terms))
         values[list(chosen)] = at.estimate.values[list(chosen)]
         start = replace(at.estimate, values=values)
-        estimate, found = fitted(problem, start, chosen, at.noise.weights, at.kept)
-        return replace(at, estimate=estimate, found=found)
+        estimate, linearised = fitted(problem, start, chosen, at.noise.weights, at.kept)
+        return replace(at, estimate=estimate, linearised=linearised)
 
-    every = np.ones(len(found.residual), dtype=bool)
-    start = _PoseFit(estimate, found, every, noise_of(found, *named, moving, every))
+    every = np.ones(len(linearised.residual), dtype=bool)
+    start = _PoseFit(estimate, linearised, every, noise_of(linearised, *named, moving, every))
     at, chosen = until_same_set(start, search, recompute)
     at = replace(at, noise=noise(at))
-    return ExplainedPoses(problem, at.estimate, at.found, at.noise, *equations_at(at), chosen, at.kept)
+    return ExplainedPoses(problem, at.estimate, at.linearised, at.noise, *equations_at(at), chosen, at.kept)
 
 
 def _name(term: PoseTerm) -> str:
@@ -117,27 +117,27 @@ def _name(term: PoseTerm) -> str:
     return f"{term.joint}.{term.effect}.{term.parameter}"
 
 
-def _blocks(problem: PoseProblem, found: Equations) -> Int[Array, " m"]:
+def _blocks(problem: PoseProblem, linearised: Equations) -> Int[Array, " m"]:
     """Block of each row: equal parts of a recording, the same for all frames of the recording."""
     of_pose = np.concatenate(
         [BLOCKS * one.recording + np.arange(len(one.t)) * BLOCKS // len(one.t) for one in problem.sets]
     )
-    return of_pose[found.pose]
+    return of_pose[linearised.pose]
 
 
-def _without_outliers(found: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
+def _without_outliers(linearised: Equations, noise: Noise, kept: Bool[Array, " m"]) -> Bool[Array, " m"]:
     """True for rows of poses that are no outliers; ``kept`` itself if too many poses have large residuals."""
-    sigma = np.array([_robust_deviation(found, series) for series in range(len(noise.sigma))])
-    size = np.abs(found.residual) / sigma[found.series]
-    far = np.unique(found.pose[size > _OUTLIER])
-    if len(far) > _MOST_OUTLIERS * len(np.unique(found.pose)):
+    sigma = np.array([_robust_deviation(linearised, series) for series in range(len(noise.sigma))])
+    size = np.abs(linearised.residual) / sigma[linearised.series]
+    far = np.unique(linearised.pose[size > _OUTLIER])
+    if len(far) > _MOST_OUTLIERS * len(np.unique(linearised.pose)):
         return kept
-    return kept & ~np.isin(found.pose, far)
+    return kept & ~np.isin(linearised.pose, far)
 
 
-def _robust_deviation(found: Equations, series: int) -> float:
+def _robust_deviation(linearised: Equations, series: int) -> float:
     """Standard deviation of the residual of a series, from the median of its size, which few outliers hardly change."""
-    values = np.abs(found.residual[found.series == series])
+    values = np.abs(linearised.residual[linearised.series == series])
     return max(1.4826 * float(np.median(values)), 1e-300) if len(values) else 1.0
 
 
@@ -281,7 +281,7 @@ def pose_bounds(
     """
     places = [place for finding in findings for rival in finding.rivals for place in rival.places]
     rivals = {(place.effect, place.joint, name) for place in places for name in place.parameters}
-    columns, terms = explained.equations.columns, explained.problem.terms
+    columns, terms = explained.whitened.columns, explained.problem.terms
     own = orthogonal_part(columns, orthonormal(columns[:, list(explained.chosen)], 1e-9))
     wanted = np.sqrt(explained.price) + _POWER
     bounds, unseen = [], [_unseen(term, COMPENSATED) for term in explained.problem.compensated]
@@ -289,7 +289,7 @@ def pose_bounds(
         if k in explained.chosen:
             continue
         size, whole = float(np.linalg.norm(own[:, k])), float(np.linalg.norm(columns[:, k]))
-        if not explained.equations.seen[k] or (term.effect == ELASTIC and not _is_loaded(explained, term)):
+        if not explained.whitened.independent[k] or (term.effect == ELASTIC and not _is_loaded(explained, term)):
             unseen.append(_unseen(term, _why_unseen(explained, k)))
         elif size < 1e-4 * whole:
             unseen.append(_unseen(term, "on these poses it is the same as what was found"))
@@ -308,10 +308,10 @@ def _unseen(term: PoseTerm, why: str) -> UnseenTerm:
 
 
 def _why_unseen(explained: ExplainedPoses, k: int) -> str:
-    """Reason why poses cannot show a term: it moves no frame, or has the same effect as a changed nuisance."""
-    found, term = explained.found, explained.problem.terms[k]
-    scale = (explained.kept * explained.noise.weights[found.series])[:, None]
-    column = found.columns[:, [k]] * scale
+    """Reason why poses cannot show a term: it moves no frame, or a change of nuisances has the same effect."""
+    linearised, term = explained.linearised, explained.problem.terms[k]
+    scale = (explained.kept * explained.noise.weights[linearised.series])[:, None]
+    column = linearised.columns[:, [k]] * scale
     size = float(np.linalg.norm(column))
     if size == 0.0 or (term.effect == ELASTIC and not _is_loaded(explained, term)):
         if term.effect == ELASTIC:
@@ -322,7 +322,7 @@ def _why_unseen(explained: ExplainedPoses, k: int) -> str:
         ((TOOL,), "it is the same as another pose of the target on its frame"),
         ((BASE, TOOL), "it is the same as other poses of the robot and of the target together"),
     ):
-        columns = found.nuisance[:, [kind.kind in kinds for kind in found.kinds]] * scale
+        columns = linearised.nuisance[:, [kind.kind in kinds for kind in linearised.kinds]] * scale
         if np.linalg.norm(orthogonal_part(column, orthonormal(columns, 1e-9))) < 1e-4 * size:
             return words
     if term.effect == ZERO and not _moves(explained, term):

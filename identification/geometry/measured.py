@@ -26,8 +26,8 @@ _MOVES = 1e-3  # a delay can show only if some joint is faster than this [rad/s 
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Poses of one frame in one recording.
+class PoseSet:
+    """Measured poses of one frame in one recording.
 
     Attributes:
         recording: Index of the recording; all its frames share the pose of the base and the delay.
@@ -73,14 +73,14 @@ def is_motion(recording: Recording) -> bool:
 
 def measured_poses(
     robot: Robot, recordings: tuple[Recording, ...]
-) -> tuple[tuple[Measured, ...], dict[int, CubicSpline]]:
+) -> tuple[tuple[PoseSet, ...], dict[int, CubicSpline]]:
     """Poses of every frame of every recording, and joint positions over time of the recordings that are motions.
 
     Args:
         robot: The given model, which predicts the loads.
         recordings: Recordings; those without measured poses are ignored.
     """
-    out: list[Measured] = []
+    out: list[PoseSet] = []
     paths: dict[int, CubicSpline] = {}
     for number, recording in enumerate(recordings):
         if not recording.positions:
@@ -91,7 +91,7 @@ def measured_poses(
         for frame, position in recording.positions.items():
             turn = recording.orientations.get(frame)
             out.append(
-                Measured(
+                PoseSet(
                     number,
                     recording.file,
                     frame,

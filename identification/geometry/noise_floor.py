@@ -31,7 +31,7 @@ def floor_of(explained: ExplainedPoses, series: int) -> Floor:
     """Noise of one series of poses; if no pose is repeated, the noise is that of the fit of all terms.
 
     Args:
-        explained: The fit.
+        explained: Fit of few terms to the poses.
         series: Twice the index of the set of poses, plus one for orientations.
     """
     one = explained.problem.sets[series // 2]
@@ -50,8 +50,8 @@ def floor_of(explained: ExplainedPoses, series: int) -> Floor:
 
 def _residual(explained: ExplainedPoses, series: int) -> Float[Array, "n 3"]:
     """Residual of one series, one row for each pose."""
-    found = explained.found
-    return found.residual[found.series == series].reshape(-1, 3)
+    linearised = explained.linearised
+    return linearised.residual[linearised.series == series].reshape(-1, 3)
 
 
 def _repeated(q: Float[Array, "n nv"]) -> list[list[int]]:
@@ -84,13 +84,13 @@ def depends_on_posture(explained: ExplainedPoses) -> bool:
 
 def _is_predicted(explained: ExplainedPoses, number: int) -> bool:
     """The test of `depends_on_posture` for one set of poses."""
-    one, found = explained.problem.sets[number], explained.found
-    own = found.series // 2 == number
-    poses = np.unique(found.pose[own & explained.kept])
+    one, linearised = explained.problem.sets[number], explained.linearised
+    own = linearised.series // 2 == number
+    poses = np.unique(linearised.pose[own & explained.kept])
     poses = poses[np.linspace(0, len(poses) - 1, min(len(poses), _POSES)).astype(int)]
-    weighted = found.residual / explained.noise.sigma[found.series]
-    y = np.array([weighted[own & (found.pose == pose)] for pose in poses])
-    predict = _predictor(one.q[poses - found.pose[own].min()])
+    weighted = linearised.residual / explained.noise.sigma[linearised.series]
+    y = np.array([weighted[own & (linearised.pose == pose)] for pose in poses])
+    predict = _predictor(one.q[poses - linearised.pose[own].min()])
     rng = random_stream("shuffled poses")
     total = float(np.sum(y**2))
 

@@ -346,6 +346,6 @@ def _regressor(model: pin.Model, data: pin.Data, frame: int) -> Float[Array, "6 
     return pin.computeFrameKinematicRegressor(model, data, frame, pin.LOCAL)
 
 
-def rounded(columns: Array) -> Array:
+def without_rounding_errors(columns: Array) -> Array:
     """Columns in which rounding errors are set to zero."""
     return np.where(np.abs(columns) < _ROUNDING, 0.0, columns)

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from identification.geometry.equations import Equations, PoseProblem, equations
 from identification.geometry.fit import fitted, frame_poses, start_of
-from identification.geometry.measured import Measured
+from identification.geometry.measured import PoseSet
 from identification.geometry.pins import Loops
 from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, PoseTerm, pose_terms, terms_of
 from phantom_dyn.model.robot import Robot
@@ -29,11 +29,12 @@ _CHANCE = 1e-4
 
 
 def problem_of(
-    robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, CubicSpline], loops: Loops | None = None
+    robot: Robot, sets: tuple[PoseSet, ...], paths: Mapping[int, CubicSpline], loops: Loops | None = None
 ) -> PoseProblem:
-    """Measured poses with all candidate errors.
+    """Measured poses with all candidate errors of the geometry.
 
-    Poses of base and tool are candidate errors if the columns are what they state, otherwise they are nuisances.
+    Errors of the base and tool poses are candidates if the columns state poses in the root frame; else the poses are
+    nuisances, which every fit contains.
 
     Args:
         robot: The given model.
@@ -63,7 +64,7 @@ def problem_of(
         return free
     frames = tuple(frame for frame in parts if (TOOL_POSE, frame) not in far)
     kept = tuple(term for term in terms if term.effect == BASE_POSE or term.joint in frames)
-    return replace(free, terms=kept + without_twins(robot, joints, sets), in_root=True, on_frame=frames)
+    return replace(free, terms=kept + without_errors_of_base(robot, joints, sets), in_root=True, on_frame=frames)
 
 
 def _without_compensated(problem: PoseProblem) -> PoseProblem:
@@ -81,8 +82,8 @@ def _without_compensated(problem: PoseProblem) -> PoseProblem:
     return replace(problem, terms=kept, compensated=lost)
 
 
-def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measured]) -> tuple[PoseTerm, ...]:
-    """Terms without placement errors of a first joint that carries all frames: they equal errors of the base's pose.
+def without_errors_of_base(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[PoseSet]) -> tuple[PoseTerm, ...]:
+    """Terms except placement errors of a first joint that carries all frames: these equal errors of the base's pose.
 
     Args:
         robot: The given model.
@@ -105,7 +106,7 @@ def without_twins(robot: Robot, joints: Sequence[PoseTerm], sets: Sequence[Measu
     return tuple(term for term in joints if term.effect != LINK or term.row not in rows)
 
 
-def _is_far(problem: PoseProblem, one: Measured) -> bool:
+def _is_far(problem: PoseProblem, one: PoseSet) -> bool:
     """True if a frame is farther from its predicted position than plausible errors of base and tool explain."""
     reached = frame_poses(problem, one)[:, :3, 3]
     shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest

@@ -102,7 +102,7 @@ def terms_of(robot: Robot, frames: Sequence[str], loops: Loops | None = None) ->
     placed, pins = carrying, ()
     if loops is not None:
         placed, pins = _of_loops(loops, carrying)
-        carrying = placed | _followed(loops, placed)
+        carrying = placed | _joints_in_formulas(loops, placed)
     active = {row: place for place, row in enumerate(robot.tree_rows)}
     for index in sorted(carrying):
         row, joint = model.joints[index].idx_v, model.names[index]
@@ -137,7 +137,7 @@ def _of_loops(loops: Loops, carrying: set[int]) -> tuple[set[int], tuple[PoseTer
     return found, tuple(pins)
 
 
-def _followed(loops: Loops, placed: set[int]) -> set[int]:
+def _joints_in_formulas(loops: Loops, placed: set[int]) -> set[int]:
     """Active joints on which the formulas of some joints depend, by Pinocchio's index."""
     model, chain = loops.model, loops.chain
     rows = [model.joints[index].idx_v for index in placed]
@@ -165,6 +165,6 @@ def subspace(model: pin.Model, index: int) -> Float[Array, " 6"]:
     return pin.getJointJacobian(model, data, index, pin.LOCAL)[:, model.joints[index].idx_v]
 
 
-def placed(numbers: Float[Array, " 6"]) -> pin.SE3:
+def pose_of_numbers(numbers: Float[Array, " 6"]) -> pin.SE3:
     """The pose with translation ``x y z`` [m] and rotation vector ``rx ry rz`` [rad]."""
     return pin.SE3(pin.exp3(numbers[3:]), numbers[:3])

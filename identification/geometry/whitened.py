@@ -18,7 +18,7 @@ from identification.geometry.equations import Equations
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.array_types import Array, Bool, Float, Int
 
-SEEN = 1e-5
+LEAST_INDEPENDENT_SHARE = 1e-5
 """A column counts as a combination of nuisances if less than this share of it is orthogonal to them. Smaller shares are
 rounding errors: angles in robot files have nine digits at best."""
 BLOCKS = 10
@@ -54,7 +54,7 @@ class Whitened:
     Attributes:
         residual: Residual, projected off the nuisances, ``(m,)``.
         columns: Columns of the terms, projected off the nuisances, ``(m, p)``.
-        seen: False for terms whose column is a combination of nuisances, ``(p,)``.
+        independent: False for terms whose column is a combination of nuisances, ``(p,)``.
         whole: Columns of nuisances and terms, and the residual, not projected, ``(m, k + p + 1)``.
         block: Block of each row.
         rank: Number of base kinematic parameters.
@@ -62,7 +62,7 @@ class Whitened:
 
     residual: Float[Array, " m"]
     columns: Float[Array, "m p"]
-    seen: Bool[Array, " p"]
+    independent: Bool[Array, " p"]
     whole: Float[Array, "m w"]
     block: Int[Array, " m"]
     rank: int
@@ -81,36 +81,40 @@ def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequ
         units: Units of the terms.
         names: Names of the terms.
     """
-    found = base_parameters_of_matrix(columns, tuple(names), tuple(units), tolerance=SEEN)
+    found = base_parameters_of_matrix(columns, tuple(names), tuple(units), tolerance=LEAST_INDEPENDENT_SHARE)
     return np.array(found.independent, dtype=int)
 
 
 def noise_of(
-    found: Equations, units: Sequence[str], names: Sequence[str], moving: Bool[Array, " s"], kept: Bool[Array, " m"]
+    linearised: Equations,
+    units: Sequence[str],
+    names: Sequence[str],
+    moving: Bool[Array, " s"],
+    kept: Bool[Array, " m"],
 ) -> Noise:
     """Noise of each series, from the residual of a fit of all terms.
 
     Args:
-        found: Equations linearised at some estimate.
+        linearised: Equations linearised at some estimate.
         units: Units of the terms.
         names: Names of the terms.
         moving: True for series of poses of a motion, whose noise may be correlated in time.
         kept: True for rows that are used.
     """
     count = len(moving)
-    size = np.array([_rms(found.residual[kept & (found.series == s)]) for s in range(count)])
-    sigma, residual, rank = np.where(size > 0, size, 1.0), found.residual, 0
+    size = np.array([_rms(linearised.residual[kept & (linearised.series == s)]) for s in range(count)])
+    sigma, residual, rank = np.where(size > 0, size, 1.0), linearised.residual, 0
     for _ in range(_ROUNDS):
-        scale = kept / sigma[found.series]
-        basis = orthonormal(found.nuisance * scale[:, None], 1e-9)
-        own = orthogonal_part(found.columns * scale[:, None], basis)
-        whole = np.hstack([basis, orthonormal(own[:, base_columns(own, units, names)], SEEN)])
+        scale = kept / sigma[linearised.series]
+        basis = orthonormal(linearised.nuisance * scale[:, None], 1e-9)
+        own = orthogonal_part(linearised.columns * scale[:, None], basis)
+        whole = np.hstack([basis, orthonormal(own[:, base_columns(own, units, names)], LEAST_INDEPENDENT_SHARE)])
         rank = whole.shape[1]
-        residual = orthogonal_part(found.residual * scale, whole) * sigma[found.series]
+        residual = orthogonal_part(linearised.residual * scale, whole) * sigma[linearised.series]
         free_share = max(1.0 - rank / max(kept.sum(), 1), 1.0 / max(kept.sum(), 1))
-        size = np.array([_rms(residual[kept & (found.series == s)]) for s in range(count)]) / np.sqrt(free_share)
+        size = np.array([_rms(residual[kept & (linearised.series == s)]) for s in range(count)]) / np.sqrt(free_share)
         sigma = np.where(size > 0, size, 1.0)
-    times = np.array([_correlation_time(residual, found, s) if moving[s] else 1.0 for s in range(count)])
+    times = np.array([_correlation_time(residual, linearised, s) if moving[s] else 1.0 for s in range(count)])
     return Noise(sigma, times, max(float(kept.sum() - rank), 1.0) / float(times.max(initial=1.0)))
 
 
@@ -119,9 +123,9 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-def _correlation_time(residual: Array, found: Equations, series: int) -> float:
+def _correlation_time(residual: Array, linearised: Equations, series: int) -> float:
     """Number of poses per independent pose, from the autocorrelation of the residual, summed over the axes."""
-    values = residual[found.series == series].reshape(-1, 3)
+    values = residual[linearised.series == series].reshape(-1, 3)
     n = len(values)
     if n < _FEWEST:
         return 1.0
@@ -130,7 +134,7 @@ def _correlation_time(residual: Array, found: Equations, series: int) -> float:
 
 
 def whitened(
-    found: Equations,
+    linearised: Equations,
     values: Float[Array, " p"],
     noise: Noise,
     block: Int[Array, " m"],
@@ -140,25 +144,25 @@ def whitened(
     """Equations in units of the noise; their residual is the one without any term.
 
     Args:
-        found: Equations linearised at an estimate.
+        linearised: Equations linearised at an estimate.
         values: Values of the terms at the estimate. The columns times these values are added to the residual.
         noise: Noise of the poses.
         block: Block of each row.
         kept: True for rows that are used.
         named: Units and names of the terms.
     """
-    scale = (kept / (noise.sigma * np.sqrt(noise.correlation_time))[found.series])[kept]
-    rows = found.rows(kept)
+    scale = (kept / (noise.sigma * np.sqrt(noise.correlation_time))[linearised.series])[kept]
+    rows = linearised.rows(kept)
     nuisance, columns = rows.nuisance * scale[:, None], rows.columns * scale[:, None]
     residual = rows.residual * scale + columns @ values
     basis = orthonormal(nuisance, 1e-9)
     own = orthogonal_part(columns, basis)
     size = np.linalg.norm(columns, axis=0)
-    seen = np.linalg.norm(own, axis=0) > SEEN * np.where(size > 0, size, 1.0)
-    own = np.where(seen, own, 0.0)
+    independent = np.linalg.norm(own, axis=0) > LEAST_INDEPENDENT_SHARE * np.where(size > 0, size, 1.0)
+    own = np.where(independent, own, 0.0)
     rank = len(base_columns(own, *named))
     whole = np.hstack([nuisance, columns, residual[:, None]])
-    return Whitened(orthogonal_part(residual, basis), own, seen, whole, block[kept], rank)
+    return Whitened(orthogonal_part(residual, basis), own, independent, whole, block[kept], rank)
 
 
 @dataclass(frozen=True)
@@ -184,15 +188,17 @@ class Blocks:
         return [*range(self.nuisances), *(self.nuisances + k for k in chosen)]
 
 
-def blocks_of(found: Whitened) -> Blocks:
+def blocks_of(equations: Whitened) -> Blocks:
     """Products of each block of poses."""
-    _, block, rows = np.unique(found.block, return_inverse=True, return_counts=True)
-    products = block_products(found.whole[:, :-1], found.whole[:, -1], np.ones(len(block)), block, len(rows))
-    return Blocks(products, rows.astype(float), found.nuisances)
+    _, block, rows = np.unique(equations.block, return_inverse=True, return_counts=True)
+    products = block_products(equations.whole[:, :-1], equations.whole[:, -1], np.ones(len(block)), block, len(rows))
+    return Blocks(products, rows.astype(float), equations.nuisances)
 
 
-def held_out_residual_of_rows(found: Whitened, blocks: Blocks, chosen: Sequence[int]) -> Float[Array, " m"]:
+def held_out_residual_of_rows(equations: Whitened, blocks: Blocks, chosen: Sequence[int]) -> Float[Array, " m"]:
     """Residual of each row, predicted by a fit to the other blocks, in units of the noise."""
     at = blocks.columns(chosen)
-    place = np.searchsorted(np.unique(found.block), found.block)
-    return held_out_residual(found.whole[:, at], found.whole[:, -1], place, blocks.products.fits_without_each(at))
+    place = np.searchsorted(np.unique(equations.block), equations.block)
+    return held_out_residual(
+        equations.whole[:, at], equations.whole[:, -1], place, blocks.products.fits_without_each(at)
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from identification.data.log import Band, Log
 from identification.data.signals import low_pass
 from identification.diagnosis.columns.motion.standstill import noise_share
-from identification.diagnosis.columns.own_effects import Differences
+from identification.diagnosis.columns.one_recording_effects import Differences
 from identification.diagnosis.columns.residual_columns import Columns, columns_like
 from identification.diagnosis.columns.session import Series, session_of_logs
 from identification.diagnosis.columns.terms import FoundEffect
@@ -106,15 +106,15 @@ def planned_recording(
     """The planned recording of a diagnosis, with the sampling of the first log."""
     columns = problem.columns
     wanted = set(union.tolist())
-    local = tuple(
-        block for block in columns.local if wanted.intersection(range(block.first, block.first + block.count))
+    of_wanted_terms = tuple(
+        block for block in columns.term_columns if wanted.intersection(range(block.first, block.first + block.count))
     )
     session = problem.session
     by_row = [[part[:, j] for part in noise] for j in range(session.robot.nv)]
     laws = tuple(row_autocovariance(columns, own, j) for j, own in enumerate(by_row))
     noises = [_noise_of_row(columns, own, j, law) for j, (own, law) in enumerate(zip(by_row, laws, strict=True))]
     variance, trust = (np.array(values) for values in zip(*noises, strict=True))
-    like, band = replace(columns, local=local), coarser(session.logs[0].band)
+    like, band = replace(columns, term_columns=of_wanted_terms), coarser(session.logs[0].band)
     return PlannedRecording(problem, like, union, band, laws, variance, trust, found)
 
 

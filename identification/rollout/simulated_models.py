@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.diagnosis.columns.one_recording_effects import OneRecordingEffect
 from identification.diagnosis.columns.operations import adjusted_robot
-from identification.diagnosis.columns.own_effects import OwnEffect
 from identification.diagnosis.columns.terms import KnownEffect, Term
 from identification.diagnosis.columns.tolerance_parameters import ARRIVAL, BASE, SOFTNESS, tolerance_parameters
 from phantom_dyn.array_types import Array, Float
@@ -149,7 +149,7 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
     out = []
     for term in terms:
         effect = term.effect
-        elsewhere = isinstance(effect, OwnEffect) and effect.recording != recording
+        elsewhere = isinstance(effect, OneRecordingEffect) and effect.recording != recording
         if not isinstance(effect, Effect) or effect.inertial == "point mass" or elsewhere:
             continue
         values = np.array(effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))
@@ -169,7 +169,7 @@ def with_load(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], 
         RobotError: If the mass of a link would not be positive.
     """
     for term in terms:
-        elsewhere = isinstance(term.effect, OwnEffect) and term.effect.recording != recording
+        elsewhere = isinstance(term.effect, OneRecordingEffect) and term.effect.recording != recording
         if term.effect.inertial == "point mass" and not elsewhere:
             added = np.zeros_like(standard_parameters(robot))
             added[list(term.effect.regressor_columns(robot, term.joint))] = theta[list(term.columns)]

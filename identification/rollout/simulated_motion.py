@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.log import Log
-from identification.diagnosis.evidence import Evidence, Followed
+from identification.diagnosis.evidence import Evidence, SimulatedPositions
 from identification.rollout.compare import Rollout
 
 
@@ -38,4 +38,4 @@ def with_simulated_motion(evidence: Evidence, rollout: Rollout, logs: Sequence[L
             out[at] = np.where(np.isnan(here), out[at], here)
         t = logs[window.log].motion.t
         seconds = max(seconds, float(t[window.stop - 1] - t[window.start]))
-    return replace(evidence, followed=Followed(before, after, seconds, rollout.controlled))
+    return replace(evidence, simulated=SimulatedPositions(before, after, seconds, rollout.controlled))

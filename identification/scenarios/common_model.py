@@ -42,7 +42,7 @@ def with_common_model(given: Prepared) -> Prepared:
     Raises:
         LogError: If every recording carries a load.
     """
-    robot, offsets, note = common_model(given.robot, given.seen, given.changes)
+    robot, offsets, note = common_model(given.robot, given.fitted, given.changes)
     return replace(given, robot=robot, known=(*given.known, *offsets), notes=(note, *given.notes))
 
 

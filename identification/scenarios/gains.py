@@ -46,7 +46,7 @@ class Gains:
         kd_std: Standard deviation of ``kd``.
         ratio: ``kd / kp`` [s]; it does not depend on the model if the joint's viscous friction is small.
         ratio_std: Standard deviation of ``ratio``.
-        rests_on: Parts of the model that determine ``kp``: gravity, inertia or both.
+        determined_by: Parts of the model that determine ``kp``: gravity, inertia or both.
     """
 
     joint: str
@@ -56,7 +56,7 @@ class Gains:
     kd_std: float
     ratio: float
     ratio_std: float
-    rests_on: tuple[str, ...]
+    determined_by: tuple[str, ...]
 
     @property
     def known(self) -> bool:
@@ -64,7 +64,7 @@ class Gains:
         return self.kp > 0 and self.kp_std <= _KNOWN * self.kp
 
 
-def unstated(robot: Robot) -> tuple[str, ...]:
+def joints_without_stated_gains(robot: Robot) -> tuple[str, ...]:
     """Driven joints for which robot.yaml states no controller, or a controller without a gain."""
     pairs = zip(robot.joint_names, robot.actuators, strict=True)
     return tuple(joint for joint, a in pairs if a.actuated and (a.controller is None or a.controller.kp <= 0))
@@ -110,7 +110,7 @@ def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tup
     Raises:
         LogError: If the motion does not show the gain of a joint; the message has the estimate and its deviation.
     """
-    lacking = unstated(robot)
+    lacking = joints_without_stated_gains(robot)
     if not lacking:
         return robot, recordings
     found = [one for one in estimated_gains(recordings, robot) if one.joint in lacking]
@@ -182,7 +182,7 @@ def _note(robot: Robot, one: Gains) -> Note:
         "kd": one.kd,
         "kd_std": float(np.hypot(one.kd_std, tolerance * one.ratio)),
         "kd_unit": damping_unit(robot, one.joint),
-        "rests_on": one.rests_on,
+        "determined_by": one.determined_by,
         "ratio": one.ratio,
         "ratio_std": one.ratio_std,
     }

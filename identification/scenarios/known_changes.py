@@ -1,7 +1,7 @@
 """Gives effects of a single recording their names in the catalogue, and states how many times larger friction is there.
 
-During the fit, an effect of a single recording has a name of its own, see `OwnEffect`. A finding states the catalogue's
-effect and the recording instead.
+During the fit, an effect of a single recording has a name of its own, see `OneRecordingEffect`. A finding states the
+catalogue's effect and the recording instead.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.columns.own_effects import OwnEffect
+from identification.diagnosis.columns.one_recording_effects import OneRecordingEffect
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import EffectAt, Finding, Judgement, Value
@@ -33,7 +33,7 @@ def with_catalogue_names(judgement: Judgement, session: Session) -> Judgement:
         judgement: The result of the fits.
         session: The recordings and their known differences.
     """
-    own = {effect.name: effect for effect in session.differences.own}
+    own = {effect.name: effect for effect in session.differences.effects}
     if not own:
         return judgement
     return replace(
@@ -58,7 +58,7 @@ def _renamed(
     finding: Finding,
     judgement: Judgement,
     robot: Robot,
-    own: dict[str, OwnEffect],
+    own: dict[str, OneRecordingEffect],
     known: tuple[KnownEffect, ...],
 ) -> Finding:
     """The finding with the catalogue's names, and for friction the ratio of its level to that in other recordings."""
@@ -77,7 +77,7 @@ def _renamed(
     return replace(finding, effect=name, recording=effect.file, parameters=parameters, rivals=rivals)
 
 
-def _named(at: EffectAt, own: dict[str, OwnEffect]) -> EffectAt:
+def _named(at: EffectAt, own: dict[str, OneRecordingEffect]) -> EffectAt:
     effect = own.get(at.effect)
     return at if effect is None else EffectAt(effect.inner.name, at.joint, effect.file)
 

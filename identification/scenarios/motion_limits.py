@@ -59,16 +59,16 @@ def without_gain_ambiguities(
         return judgement
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     results = _gate_results(judgement.findings, estimated, robot)
-    removed = {place for place, result in results.items() if not result.passed}
-    kept = [_place(finding) not in removed for finding in judgement.findings]
+    removed = {effect_joint for effect_joint, result in results.items() if not result.passed}
+    kept = [_effect_joint(finding) not in removed for finding in judgement.findings]
     findings = tuple(compress(judgement.findings, kept))
-    found = {_place(finding) for finding in findings}
+    found = {_effect_joint(finding) for finding in findings}
     hidden_by_gains = _hidden_by_gains(judgement, estimated)
-    hidden_places = {(entry.effect, entry.joint) for entry in hidden_by_gains}
+    hidden = {(entry.effect, entry.joint) for entry in hidden_by_gains}
 
     def is_hidden(effect: str, joint: str | None) -> bool:
         """True if errors of gains hide an effect, so that bounds and reasons of the judgement do not apply to it."""
-        return effect == "torque_constant" or (effect, joint) in hidden_places
+        return effect == "torque_constant" or (effect, joint) in hidden
 
     not_testable_otherwise = tuple(one for one in judgement.not_testable if not is_hidden(one.effect, one.joint))
     untestable = tuple(entry for entry in hidden_by_gains if (entry.effect, entry.joint) not in found)
@@ -76,12 +76,12 @@ def without_gain_ambiguities(
     within_gain_tolerance = tuple(
         Adjusted(f"{one.joint} torque constant times controller gain", _excess(one), gate.GAIN_TOLERANCE)
         for one in ratios
-        if _place(one) in removed
+        if _effect_joint(one) in removed
     )
     warned = tuple(
         Note(Code.GAIN_OR_CONSTANT, one.joint, {"ratio": 1.0 + _excess(one)})
         for one in ratios
-        if _place(one) not in removed
+        if _effect_joint(one) not in removed
     )
     warned += _zero_notes(findings, robot)
     shown = tuple(compress(judgement.evidence.tau_without, kept))
@@ -100,22 +100,23 @@ def without_gain_ambiguities(
     )
 
 
-def _place(finding: Finding) -> tuple[str, str | None]:
+def _effect_joint(finding: Finding) -> tuple[str, str | None]:
+    """Effect and joint of a finding."""
     return finding.effect, finding.joint
 
 
 def _gate_results(
     findings: tuple[Finding, ...], estimated: set[str], robot: Robot
 ) -> dict[tuple[str, str | None], GateResult]:
-    """Result of the gate `beyond_the_gain` for each finding that an error of a gain might explain, by its place."""
+    """Result of the gate `beyond_the_gain` for each finding that an error of a gain might explain."""
     out = {}
     for finding in findings:
         if finding.effect == "torque_constant":
-            out[_place(finding)] = gate.beyond_the_gain(_excess(finding), stated=finding.joint not in estimated)
+            out[_effect_joint(finding)] = gate.beyond_the_gain(_excess(finding), stated=finding.joint not in estimated)
         # An estimated kd includes the viscous friction of the joint, so it may be too large by this friction.
         friction = finding.effect == "viscous_friction" and finding.joint in estimated
         if friction and _explained_by_damping_gain(finding, robot):
-            out[_place(finding)] = gate.beyond_the_gain(_over_damping(finding, robot), stated=False)
+            out[_effect_joint(finding)] = gate.beyond_the_gain(_friction_over_damping(finding, robot), stated=False)
     return out
 
 
@@ -154,7 +155,7 @@ def _zero_notes(findings: tuple[Finding, ...], robot: Robot) -> tuple[Note, ...]
 
 
 def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tuple[Note, ...]:
-    """A note for each joint whose simulated position error is too large for noise, and for a residual without a gap.
+    """A note for each joint whose simulated position error is larger than noise and the residual torque explain.
 
     Under a position controller, an unmodelled torque causes a position error of the torque divided by the gain kp. A
     residual that is too small to count as a gap also causes such an error.
@@ -187,7 +188,7 @@ def _explained_by_damping_gain(finding: Finding, robot: Robot) -> bool:
     return kd + size.numbers[0] >= -2 * size.stds[0]
 
 
-def _over_damping(finding: Finding, robot: Robot) -> float:
+def _friction_over_damping(finding: Finding, robot: Robot) -> float:
     """Ratio of the found viscous friction to the damping gain that includes it; infinite if this gain is zero."""
     assert finding.joint is not None
     controller = robot.actuators[robot.joint_names.index(finding.joint)].controller

@@ -13,7 +13,7 @@ from identification.data.drive_loop import DriveLoop, drive_loop
 from identification.data.drives.joint_torque import voltage_bound
 from identification.data.log import Log
 from identification.data.recording import Recording
-from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.operations import operation_of
 from identification.diagnosis.columns.session import Session
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
@@ -30,7 +30,7 @@ def protection_notes(session: Session) -> tuple[Note, ...]:
     for k, (log, recording) in enumerate(zip(session.logs, session.recordings, strict=False)):
         if log.references is None or log.q_ref is None:
             continue
-        needed = operate(session.robot, log, session.known, k, session.cutoff_hz).tau
+        needed = operation_of(session.robot, log, session.known, k, session.cutoff_hz).tau
         for j, joint in enumerate(session.robot.joint_names):
             controller = session.robot.actuators[j].controller
             stated = recording.controlled and controller is not None and np.isfinite(controller.drops_beyond)

@@ -21,7 +21,7 @@ _AS_MUCH = 0.5
 def doubted_if_unlike(problem: Problem, judgement: Judgement) -> Judgement:
     """The judgement, with a note and less probable findings if the given model fits only some of the recordings.
 
-    A finding acts in all recordings. It would show in those that the model fits, too.
+    A finding acts in all recordings, so it would also show in the recordings that the model fits.
 
     Args:
         problem: Robot and recordings.
@@ -48,7 +48,7 @@ def _unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
         judgement: Verdict and noise of each joint.
     """
     session = problem.session
-    stated = bool(session.differences.own)
+    stated = bool(session.differences.effects)
     if len(session.logs) < 2 or stated or judgement.verdict not in ("unknown", "partly_explained"):
         return ()
     residuals, torques = session.in_judged_band(problem.columns.residual), problem.columns.model_torque

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.data.log import Log
 from identification.data.signals import within_limits
-from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.operations import operation_of
 from identification.diagnosis.columns.session import session_of_logs
 from identification.diagnosis.columns.terms import KnownEffect
 from phantom_dyn.array_types import Array, Float
@@ -63,7 +63,7 @@ def torque_curves(
         judged = session.log_in_judged_band(drawn.band(torque), 0)
         return np.where(drawn.valid_in_band[:, None], judged, np.nan)
 
-    modelled = tuple(in_band(operate(robot, log, effects, band_hz=cutoff_hz).tau) for robot, effects in models)
+    modelled = tuple(in_band(operation_of(robot, log, effects, band_hz=cutoff_hz).tau) for robot, effects in models)
     return TorqueCurves(log.motion.t[drawn.samples], in_band(within_limits(log.tau, models[0][0])), modelled)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from identification.diagnosis.input_names import base_of, is_frequency
+from identification.diagnosis.input_names import input_of, is_frequency
 from identification.diagnosis.result import Unexplained
 from identification.words.diagnosis_words import joined, place, share_words
 from identification.words.numbers_and_names import number, percent
@@ -26,7 +26,7 @@ _KINDS = {
 def input_words(name: str, joint: str) -> str:
     """``the velocity`` of the joint itself, ``the velocity of j2`` of another joint, or ``the frequency of ...``."""
     if is_frequency(name):
-        return f"the frequency of {input_words(base_of(name), joint)}"
+        return f"the frequency of {input_words(input_of(name), joint)}"
     kind, _, of = name.partition(".")
     if kind == "t":
         return "time"
@@ -63,7 +63,7 @@ def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
             f"Most formulas that are fitted to random draws of the recording use {inputs}, but smooth functions of "
             "other inputs predict more."
         )
-    dynamic = [input_words(base_of(name), found.joint) for name in found.inputs if is_frequency(name)]
+    dynamic = [input_words(input_of(name), found.joint) for name in found.inputs if is_frequency(name)]
     if dynamic:
         out.append(
             f"Its response to {joined(dynamic)} has a gain and a phase that change with the frequency: it "

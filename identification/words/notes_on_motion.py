@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from identification.data.recording import time_text
-from identification.diagnosis.evidence import Followed
+from identification.diagnosis.evidence import SimulatedPositions
 from identification.notes import Code, Note
 from identification.words.diagnosis_words import joined, joints_words
 from identification.words.numbers_and_names import NO_BREAK, filled
@@ -60,9 +60,9 @@ def _gains_estimated(note: Note) -> str:
     n = note.numbers
     return (
         f"No gains of {note.joint} are stated: kp = {n['kp']:.3g} ± {n['kp_std']:.2g} {n['kp_unit']} and "
-        f"kd = {n['kd']:.3g} ± {n['kd_std']:.2g} {n['kd_unit']} were estimated from its "
-        f"motion. They are as accurate as the {' and the '.join(n['rests_on'])} of the model, and kd includes viscous "
-        f"friction that the model lacks; positions alone show kd/kp = {n['ratio']:.3g} ± {n['ratio_std']:.2g} s. "
+        f"kd = {n['kd']:.3g} ± {n['kd_std']:.2g} {n['kd_unit']} were estimated from its motion. They are as accurate "
+        f"as the {' and the '.join(n['determined_by'])} of the model, and kd includes viscous friction that the model "
+        f"lacks; positions alone show kd/kp = {n['ratio']:.3g} ± {n['ratio_std']:.2g} s. "
         f"{_STATE_IT.format(joint=note.joint)}."
     )
 
@@ -275,17 +275,17 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
 }
 
 
-def followed_words(followed: Followed, *, on_base: bool = False) -> str:
+def simulated_motion_words(simulated: SimulatedPositions, *, on_base: bool = False) -> str:
     """Caption of the figure of simulated motion.
 
     Args:
-        followed: The simulated motion.
+        simulated: The simulated motion.
         on_base: True for a robot with a floating base.
     """
-    by = "the recorded references through the stated controllers" if followed.controlled else "the recorded torque"
+    by = "the recorded references through the stated controllers" if simulated.controlled else "the recorded torque"
     base = "The base moves as its sensors read, and a leg is simulated while it swings. " if on_base else ""
     return (
         "Position over time: measured, and simulated by both models. They start from the recorded state, follow "
-        f"{by} for {followed.seconds:.2g}{NO_BREAK}s, and start again; the corrected one by fits that have not seen "
+        f"{by} for {simulated.seconds:.2g}{NO_BREAK}s, and start again; the corrected one by fits that have not seen "
         f"the window. {base}Where there is no line, nothing was simulated."
     )

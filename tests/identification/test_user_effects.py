@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.batch.diagnose_each import diagnose_each
-from identification.diagnosis.columns.own_effects import changed_effects
+from identification.diagnosis.columns.one_recording_effects import changed_effects
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
 from identification.pipeline import diagnose

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from identification.data.checks.readings.reading import Reading, with_order, with_positions_times
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
@@ -45,7 +45,7 @@ class TorqueRegression:
     model_share: float
 
 
-def spread_samples(smooth: Smooth) -> Reading | None:
+def spread_samples(smooth: SmoothedRecording) -> Reading | None:
     """Samples for regressions, spread evenly over the record; None without torque or with too few samples."""
     rows = smooth.rows(_ROWS)
     if smooth.tau is None or len(rows) < 50:
@@ -126,7 +126,7 @@ def _inertia_confirms(
 
     Args:
         weight: Modelled torque of gravity.
-        inertia: The rest of the modelled torque, without friction.
+        inertia: Modelled torque without that of gravity and friction.
         v: Velocity.
         sign: Low-passed sign of the velocity.
         tau: Measured torque.
@@ -169,7 +169,7 @@ def check_flipped(recording: Recording, robot: Robot, data: Reading, model: Floa
 
 
 def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joints: list[int]) -> bool:
-    """Whether changed data fit all of ``joints`` far better, and the other joints not much worse.
+    """True if changed data fit all of ``joints`` far better, and the other joints not much worse.
 
     Args:
         before: Unexplained share of every joint with the data as recorded.

@@ -1,4 +1,4 @@
-"""Finds wrong units, signs and orders of columns in a recording, with whose correction the model fits far better.
+"""Finds wrong units, signs and orders of columns in a recording: mistakes after whose correction the model fits.
 
 A reading is the recording with one such correction. A mistake is certain if, in both halves of the recording, no
 plausible robot explains the data as recorded, and a plausible robot explains the reading. Exchanged columns are also
@@ -57,7 +57,7 @@ _EQUAL_FIT = 0.5
 _IDLE = 0.1
 # Largest number of faults that are found one after the other.
 _MOST_FAULTS = 3
-# Two simultaneous mistakes are looked for if the unexplained share of a joint is at least this in both halves.
+# Two simultaneous mistakes are searched for if the unexplained share of a joint is at least this in both halves.
 _FOR_TWO = 0.2
 # Number of wrong signs that are tried as the first mistake of a pair, and number of pairs that are fitted in full.
 _FIRSTS, _PAIRS = 6, 4
@@ -66,7 +66,7 @@ _FITTED_IN_FULL = 6
 
 
 def better_readings(robot: Robot, reading: Reading, step: float) -> list[ReadingFit]:
-    """Mistakes that are certain, one after the other: each is found after those before it were corrected.
+    """Certain mistakes, in the order in which they are found: each after those before it were corrected.
 
     Args:
         robot: The given model.
@@ -108,7 +108,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Reading
 def _best(
     robot: Robot, reading: Reading, before: Float[Array, "2 nv"], tried: Sequence[ReadingFit]
 ) -> ReadingFit | None:
-    """The likeliest mistake, or pair of mistakes, that is certain.
+    """The likeliest of the certain mistakes and pairs of mistakes; None if nothing is certain.
 
     Args:
         robot: The given model.
@@ -119,7 +119,7 @@ def _best(
     certain = [one for one in tried if is_certain(one)]
     best = _likeliest(robot, reading, certain) if certain else None
     if best is None or best.suspect.price:
-        # Fitted ratios can imitate two mistakes, such as a unit and a sign: so these pairs are tried as well.
+        # Fitted ratios can imitate two mistakes, such as a unit and a sign. So pairs of mistakes are tried as well.
         singles = [one for one in tried if not one.suspect.price]
         pairs = _pair_of_mistakes(robot, reading, before, singles)
         return _likeliest(robot, reading, [*certain, *pairs]) if pairs else best
@@ -133,7 +133,7 @@ def _corrected(reading: Reading, step: float, suspect: Suspect) -> tuple[Reading
 
 
 def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[ReadingFit]:
-    """The corrected units after which a second mistake is looked for: those that are very likely wrong before any fit.
+    """Corrections of units after which a second mistake is searched for: of units that are very likely wrong.
 
     If another mistake explains nearly all of the torque, only units of time are returned. They may still be wrong:
     positions in mm with a time in ms have accelerations of a thousandth, which look like another unit of torque.
@@ -149,9 +149,9 @@ def _likely_units(tried: Sequence[ReadingFit], best: ReadingFit | None) -> list[
 
 
 def _after_a_unit(robot: Robot, reading: Reading, step: float, likely: Sequence[ReadingFit]) -> list[ReadingFit]:
-    """The first likely unit after whose correction another mistake is certain, followed by the mistakes found then.
+    """The first likely unit after whose correction another mistake is certain, then the mistakes that follow it.
 
-    It is empty if there is no such unit.
+    The list is empty if there is no such unit.
 
     Args:
         robot: The given model.
@@ -179,7 +179,7 @@ def _likeliest(robot: Robot, reading: Reading, certain: Sequence[ReadingFit]) ->
     """
     best_score = max(one.score - FAR_BETTER * one.suspect.price for one in certain)
     tied = [one for one in certain if one.score > best_score - _EQUAL_FIT]
-    # A rival, such as another zero, competes with an attitude of the base, or if it is listed first.
+    # A rival, such as another zero, is compared only with an attitude of the base, or if it is the first in the list.
     if tied[0].suspect.kind != "attitude" and tied[0].suspect.outcome != "rival":
         tied = [one for one in tied if one.suspect.outcome != "rival"]
     if len(tied) == 1:
@@ -273,7 +273,7 @@ def _quick_gain(robot: Robot, as_recorded: Float[Array, " nv"], corrected: Readi
     Args:
         robot: The given model.
         as_recorded: Unexplained share of each joint with the data as recorded.
-        corrected: The reading.
+        corrected: The data with a suspected mistake corrected.
     """
     return float(np.nansum(np.log((as_recorded + ENOUGH) / (plain_unexplained(robot, corrected) + ENOUGH))))
 

@@ -103,7 +103,7 @@ def _uncertain(recording: Recording, robot: Robot, faults: tuple[Fault, ...], la
     Args:
         recording: The recording.
         robot: The given model.
-        faults: The faults.
+        faults: Faults whose corrections are only offered.
         last: Fit with all faults corrected.
     """
     j = int(np.nanargmax(np.nanmax(last.unexplained, axis=0)))

@@ -13,6 +13,7 @@ from identification.data.checks.against_model import (
 )
 from identification.data.checks.beyond_range import beyond_range
 from identification.data.checks.certain_faults import certain_faults, load_or_current_words
+from identification.data.checks.divergence import diverged
 from identification.data.checks.drive_loops import check_computed, check_controllers
 from identification.data.checks.one_line import check_one_line
 from identification.data.checks.positions import (
@@ -27,13 +28,12 @@ from identification.data.checks.positions import (
 from identification.data.checks.readings.reading import as_recorded
 from identification.data.checks.readings.suspects import slow_clock
 from identification.data.checks.references import reference_faults
-from identification.data.checks.runaway import ran_away
-from identification.data.checks.smoothed_copy import Smooth, smoothed
+from identification.data.checks.smoothed_copy import SmoothedRecording, smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_flat, check_repeated, check_timing
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.torques.lag_warnings import check_lag
 from identification.data.checks.torques.late_torques import late_torques
-from identification.data.checks.torques.taken_friction import check_friction_taken
+from identification.data.checks.torques.subtracted_friction import check_subtracted_friction
 from identification.data.checks.torques.torque_lag import is_reported, lags_and_low_passes
 from identification.data.checks.torques.unknown_torques import without_unknown_torques
 from identification.data.checks.torques.unsigned_torques import check_unsigned
@@ -53,18 +53,13 @@ class Checked:
     Attributes:
         warnings: Sentences on possible errors.
         wrong: Certain faults.
-        unread: Joints whose torque has one constant value in many rows, where no torque was measured; a diagnosis does
-            not judge them.
+        unread: Joints whose torque repeats one value in many rows in which it was not measured; a diagnosis does not
+            judge them.
     """
 
     warnings: tuple[str, ...]
     wrong: tuple[Fault, ...] = ()
     unread: tuple[str, ...] = ()
-
-
-def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
-    """Warnings about possible errors of a recording: the first part of the result of `checked`."""
-    return checked(recording, robot).warnings
 
 
 def checked(recording: Recording, robot: Robot | None) -> Checked:
@@ -79,7 +74,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         compare columns use the five minutes with most motion.
     """
     repeated = check_repeated(recording)
-    certain = slow_clock(recording) or ran_away(recording)
+    certain = slow_clock(recording) or diverged(recording)
     if certain is not None:
         # All other findings would be consequences of this fault.
         return Checked((), (certain,), tuple(repeated))
@@ -140,7 +135,7 @@ def _check_motion(recording: Recording, robot: Robot | None) -> Checked:
     return Checked(degrees, wrong or reference_faults(recording, robot))
 
 
-def _check_torque(recording: Recording, robot: Robot, smooth: Smooth, filtered: tuple[str, ...]) -> Checked:
+def _check_torque(recording: Recording, robot: Robot, smooth: SmoothedRecording, filtered: tuple[str, ...]) -> Checked:
     """Checks of the torque that compare it with the model.
 
     Args:
@@ -171,7 +166,7 @@ def _check_torque(recording: Recording, robot: Robot, smooth: Smooth, filtered: 
 
 
 def _check_against_model(
-    recording: Recording, robot: Robot, smooth: Smooth, with_forces: Recording, filtered: tuple[str, ...]
+    recording: Recording, robot: Robot, smooth: SmoothedRecording, with_forces: Recording, filtered: tuple[str, ...]
 ) -> Checked:
     """Checks of the torque against the model; an error that would disturb the later checks is reported alone.
 
@@ -205,6 +200,6 @@ def _check_against_model(
             *check_flipped(recording, robot, data, model),
             *check_unsigned(recording, data, model),
             *check_lag(with_forces, robot, smooth, lags, higher_order=filtered),
-            *check_friction_taken(recording, robot, smooth),
+            *check_subtracted_friction(recording, robot, smooth),
         )
     )

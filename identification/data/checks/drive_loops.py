@@ -65,7 +65,7 @@ def _sentence(joint: str, loop: DriveLoop, frame: float) -> str:
 
 
 def check_computed(recording: Recording) -> tuple[str, ...]:
-    """A warning on voltages that were computed from reference and position, as these do not show the drive's delay."""
+    """A warning on voltages that were computed from reference and position: these do not show the drive's delay."""
     if recording.reference_gain is None or recording.controlled:
         return ()
     joints = [joint for joint, gain in zip(recording.joint_names, recording.reference_gain, strict=True) if gain]

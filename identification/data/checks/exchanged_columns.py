@@ -25,7 +25,7 @@ _LEAST_AS_RECORDED, _MOST_EXCHANGED = 0.5, 0.05
 
 
 def exchanged_columns(recording: Recording, robot: Robot, reading: Reading) -> Fault | None:
-    """The fault of a recording whose positions and torques are exchanged on all joints; None if they are not.
+    """The fault that positions and torques of all joints are in each other's columns; None if they are not.
 
     Args:
         recording: Raw samples.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.model.robot import Robot
@@ -127,7 +127,7 @@ def _shifted(x: Float[Array, "N nv"], shifts: list[int]) -> Float[Array, "N nv"]
     return np.column_stack([np.roll(column, shift) for column, shift in zip(x.T, shifts, strict=True)])
 
 
-def check_one_line(robot: Robot, smooth: Smooth) -> tuple[str, ...]:
+def check_one_line(robot: Robot, smooth: SmoothedRecording) -> tuple[str, ...]:
     """A warning for each group of joints that move along one line.
 
     Empty if the robot has closed chains, or joints whose position is a quaternion or an angle as two numbers.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.data.checks.smoothed_copy import Smooth, included
+from identification.data.checks.smoothed_copy import SmoothedRecording, included
 from identification.data.recording import Recording, time_text, when
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.errors import ChainError, LogError, listed
@@ -111,8 +111,8 @@ def _runs(mask: Array) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
-    """Warnings on positions that repeat although the joint moves, and then jump to the true position."""
+def check_frozen(recording: Recording, smooth: SmoothedRecording) -> tuple[str, ...]:
+    """Warnings on positions that stay the same although the joint moves, and then jump to the true position."""
     out = []
     for j, joint in enumerate(recording.joint_names):
         q = recording.q[:, j]
@@ -229,7 +229,7 @@ def jumps(t: Float[Array, " N"], q: Float[Array, " N"], least: float, noise: flo
     return np.array(out, dtype=int)
 
 
-def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, ...]) -> tuple[str, ...]:
+def check_coarse_step(recording: Recording, smooth: SmoothedRecording, stated: tuple[bool, ...]) -> tuple[str, ...]:
     """Warnings on coarse encoders: few steps in the whole range, or rounding that dominates the acceleration.
 
     Joints that are ``stated``, whose encoder step robot.yaml states, are not reported.
@@ -329,7 +329,7 @@ def check_stillness(recording: Recording, prismatic: Array | None, noise: Float[
     return tuple(out)
 
 
-def check_velocity(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
+def check_velocity(recording: Recording, smooth: SmoothedRecording) -> tuple[str, ...]:
     """Warnings on measured velocities that are not the derivative of the measured position."""
     if smooth.v_measured is None:
         return ()

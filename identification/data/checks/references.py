@@ -31,8 +31,8 @@ from phantom_dyn.model.robot import Robot
 _DELAYS = np.arange(0.0, 0.55, 0.1)
 # Largest factor between the gain of a drive and the stated one.
 _GAIN = 2.0
-# Cost of giving a joint the reference of another joint. An exchange of two references costs twice as much, and so has
-# to fit far better.
+# Cost of giving a joint the reference of another joint. An exchange of two references costs twice as much: it has to
+# fit far better.
 _MOVED = FAR_BETTER / 2
 # Number of mistakes that are found one after the other, and largest number of joints whose references are reordered.
 _MOST_FAULTS, _MOST_JOINTS = 3, 12
@@ -51,13 +51,13 @@ class _Following:
         columns: Causes of a following error, which is reference minus position, ``(N, nv, 6)``: velocity, acceleration,
             sign of velocity, a constant, weight, and inertial torque of the links.
         largest: Largest coefficients of the columns, ``(nv, 6)``. The smallest is 0, except for the constant.
-        late: The data as recorded, one reading for each delay. In place of the torque, a reading has the reference.
+        delayed: The data as recorded, one reading for each delay. In place of the torque, a reading has the reference.
     """
 
     q: Float[Array, "N nv"]
     columns: Float[Array, "N nv 6"]
     largest: Float[Array, "nv 6"]
-    late: tuple[Reading, ...]
+    delayed: tuple[Reading, ...]
 
 
 def reference_faults(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
@@ -75,8 +75,8 @@ def reference_faults(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
         return _other_zeros(recording, robot, data)
     out, earlier = [], {}
     for one in found:
-        mended = entries_after(earlier, one.suspect.entries)
-        earlier |= mended
+        corrections = entries_after(earlier, one.suspect.entries)
+        earlier |= corrections
         j = int(np.nanargmax(one.joint_gains))
         percent = max(100 * float(np.nanmax(one.unexplained[:, j])), 0.1)
         joint = robot.joint_names[j]
@@ -84,7 +84,7 @@ def reference_faults(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
             f"as recorded {joint} does not follow its reference, whatever delay, inertia, friction and gain its drive "
             f"has; read so, all but {percent:.2g} % of its motion does"
         )
-        out.append(Fault(one.suspect.what, why, f"{entries_words(recording, mended)}{one.suspect.advice}"))
+        out.append(Fault(one.suspect.what, why, f"{entries_words(recording, corrections)}{one.suspect.advice}"))
     return tuple(out)
 
 
@@ -93,8 +93,8 @@ def _following(recording: Recording, robot: Robot) -> _Following | None:
     if recording.q_ref is None or not np.isfinite(recording.q_ref).all():
         return None
     t = recording.t
-    late = [np.column_stack([np.interp(t - delay, t, column) for column in recording.q_ref.T]) for delay in _DELAYS]
-    smooth = smoothed(replace(recording, tau=np.hstack(late)))
+    delayed = [np.column_stack([np.interp(t - delay, t, column) for column in recording.q_ref.T]) for delay in _DELAYS]
+    smooth = smoothed(replace(recording, tau=np.hstack(delayed)))
     # In the first half second, references with long delays are not known.
     known = None if smooth is None else replace(smooth, inside=smooth.inside & (smooth.t > t[0] + _DELAYS[-1]))
     reading = None if known is None else reading_of(known)
@@ -162,7 +162,7 @@ def _mistakes(robot: Robot, data: _Following) -> list[ReadingFit]:
     """Mistakes that are certain, one after the other: each is found after those before it were corrected."""
     out: list[ReadingFit] = []
     for _ in range(_MOST_FAULTS):
-        before = _shares(data, data.late)
+        before = _shares(data, data.delayed)
         poor = np.flatnonzero(np.nan_to_num(before).max(axis=0) > RIGHT).tolist()
         if not poor:
             return out
@@ -174,13 +174,13 @@ def _mistakes(robot: Robot, data: _Following) -> list[ReadingFit]:
             return out
         best = max(certain, key=lambda one: one.score)
         out.append(best)
-        data = replace(data, late=tuple(best.suspect.read(reading) for reading in data.late))
+        data = replace(data, delayed=tuple(best.suspect.read(reading) for reading in data.delayed))
     return out
 
 
 def _fit(data: _Following, before: Float[Array, "2 nv"], suspect: Suspect) -> ReadingFit:
     """Fit of positions to references with a suspected mistake corrected, compared with the data as recorded."""
-    shares = _shares(data, [suspect.read(reading) for reading in data.late])
+    shares = _shares(data, [suspect.read(reading) for reading in data.delayed])
     return ReadingFit(suspect, np.log((before + ENOUGH) / (shares + ENOUGH)), shares)
 
 
@@ -245,7 +245,7 @@ def _orders(robot: Robot, data: _Following) -> list[Suspect]:
     costs = np.zeros((robot.nv, robot.nv))  # of joint i with the reference in the column of joint j
     for i in joints:
         for j in joints:
-            references = [reading.tau[:, j] for reading in data.late]
+            references = [reading.tau[:, j] for reading in data.delayed]
             shares = [_share(data, half, i, references) for half in _halves(data)]
             costs[i, j] = np.nanmean(np.log(np.array(shares) + ENOUGH)) if np.isfinite(shares).any() else 0.0
     order = linear_sum_assignment(costs + _MOVED * (1 - np.eye(robot.nv)))[1].tolist()
@@ -267,22 +267,22 @@ def _orders(robot: Robot, data: _Following) -> list[Suspect]:
 
 def _other_zeros(recording: Recording, robot: Robot, data: _Following) -> tuple[Fault, ...]:
     """The fault of references that are quarter turns from the positions that follow them."""
-    error = data.late[0].tau - data.q
+    error = data.delayed[0].tau - data.q
     difference = np.median(error, axis=0)
     zero = _QUARTER * np.round(difference / _QUARTER)
-    follows = np.nan_to_num(_shares(data, data.late), nan=np.inf).max(axis=0) <= RIGHT
+    follows = np.nan_to_num(_shares(data, data.delayed), nan=np.inf).max(axis=0) <= RIGHT
     steady = (np.abs(difference - zero) < _NEAR) & (error.std(axis=0) < _STEADY * np.abs(zero))
     joints = np.flatnonzero(~robot.prismatic & follows & steady).tolist()
     if not joints:
         return ()
-    mended = joint_entries(robot, "q_ref", {j: f"offset: {-zero[j]:.6g}" for j in joints})
+    corrections = joint_entries(robot, "q_ref", {j: f"offset: {-zero[j]:.6g}" for j in joints})
     j = joints[0]
     joint = robot.joint_names[j]
     return (
         Fault(
             f"the zero of {listed([f'q_ref.{robot.joint_names[k]}' for k in joints])} is not that of the positions",
             f"{joint} follows its reference, but {difference[j]:.4g} rad from it, give or take {error[:, j].std():.2g}",
-            f"{entries_words(recording, mended)}; or give q.{joint} that offset with the other sign, if the model has "
-            "its zero where the references have it",
+            f"{entries_words(recording, corrections)}; or give q.{joint} that offset with the other sign, if the model "
+            "has its zero where the references have it",
         ),
     )

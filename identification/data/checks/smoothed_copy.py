@@ -17,7 +17,7 @@ _FEWEST = 100  # samples that a spectrum needs
 
 
 @dataclass(frozen=True)
-class Smooth:
+class SmoothedRecording:
     """Motion and torque on a uniform grid, through the same low pass without delay.
 
     Attributes:
@@ -61,7 +61,7 @@ def included(recording: Recording) -> Array:
     return kept
 
 
-def smoothed(recording: Recording) -> Smooth | None:
+def smoothed(recording: Recording) -> SmoothedRecording | None:
     """The smoothed copy; None for a very short record, and for one with long gaps.
 
     The cut-off is the median of the frequencies above which the joints' accelerations are mostly noise.
@@ -85,7 +85,7 @@ def smoothed(recording: Recording) -> Smooth | None:
     margin = int(min(2 * rate / cutoff, 0.1 * len(grid)))
     inside = np.interp(grid, t, included(recording)) > 0.999
     inside[:margin] = inside[len(grid) - margin :] = False
-    return Smooth(
+    return SmoothedRecording(
         t=grid,
         step=step,
         cutoff_hz=cutoff,

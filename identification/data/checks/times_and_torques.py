@@ -26,7 +26,7 @@ _MOSTLY = 0.5
 _REPEATED, _TIMES_OTHERS, _JUMPS = 0.05, 10, 5.0
 # The torque has to go to the repeated value at least the first number of times. If it goes there fewer than the second
 # number of times, pulses or a drive that was switched off may be the cause. Then the value counts only if the other
-# torques differ in size, and none of them is near the value (`_GAP_BELOW`, `_ALIKE`).
+# torques differ in size and none of them is near the value (`_GAP_BELOW`, `_ALIKE`).
 _FEW, _OFTEN = 4, 20
 # A joint moves at a sample if its travel from the first time [s] before it to the first time after it is more than the
 # second share of the root mean square of this travel.

@@ -2,7 +2,7 @@
 
 A drive holds each reference until the next one arrives. Its voltage jumps when a reference arrives, and then falls as
 the joint follows. The bus always reads the voltage at the same time after a jump. So linear interpolation between the
-readings does not give the mean voltage over the frame. The two differ by at most the gain times the change of the
+readings does not give the mean voltage over the frame. They differ by at most the gain times the change of the
 reference in half a frame, with either sign. The readings do not show when in the frame a reference arrives; only the
 motion shows this.
 """
@@ -35,13 +35,14 @@ class BetweenReadings:
         torque: Mean torque over the frame around each reading, if references arrive in the middle of a frame, minus the
             interpolated readings. It is zero unless a drive reduces its voltage to protect itself.
         arrival: Change of the mean torque if references arrive one frame later.
-        doubt: Standard deviation of the part of the mean torque that is not linear in the arrival time, as a drive may
-            reduce its voltage in this frame or in the next. It has a sign, so that filters act on it as on the torque.
+        nonlinear_std: Standard deviation of the part of the mean torque that is not linear in the arrival time: a drive
+            may reduce its voltage in this frame or in the next. It has a sign, so that filters act on it as on the
+            torque.
     """
 
     torque: Float[Array, "N nv"]
     arrival: Float[Array, "N nv"]
-    doubt: Float[Array, "N nv"]
+    nonlinear_std: Float[Array, "N nv"]
 
 
 def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], held: bool) -> BetweenReadings | None:
@@ -55,7 +56,7 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
     """
     if not held or recording.q_ref is None or not recording.loops:
         return None
-    torque, arrival, doubt = np.zeros((3, len(t), robot.nv))
+    torque, arrival, nonlinear_std = np.zeros((3, len(t), robot.nv))
     for j, (joint, loop) in enumerate(zip(robot.joint_names, recording.loops, strict=True)):
         if loop is None or loop.computed or recording.torque_from.get(joint) != "u":
             continue
@@ -74,8 +75,8 @@ def between_readings(recording: Recording, robot: Robot, t: Float[Array, " N"], 
             largest = np.argmax(np.abs(deviation), axis=0)
             sign = np.sign(deviation[largest, np.arange(len(t))])
             torque[1:-1, j] = (torque_per_volt * (middle - interpolated))[1:-1]
-            doubt[1:-1, j] = (torque_per_volt * sign * np.sqrt(np.mean(deviation**2, axis=0)))[1:-1]
-    return BetweenReadings(torque, arrival, doubt) if arrival.any() else None
+            nonlinear_std[1:-1, j] = (torque_per_volt * sign * np.sqrt(np.mean(deviation**2, axis=0)))[1:-1]
+    return BetweenReadings(torque, arrival, nonlinear_std) if arrival.any() else None
 
 
 def _read_voltage(loop: DriveLoop, recording: Recording, t: Float[Array, " N"], j: int) -> Float[Array, " N"]:

@@ -45,7 +45,7 @@ def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str
             )
 
 
-def as_they_acted(
+def without_recorder_lag(
     table: Table, robot: Robot, tau: Float[Array, "N nv"]
 ) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
     """Torques without the delay and the low pass of their recorder, and sentences that say what was undone.
@@ -58,15 +58,17 @@ def as_they_acted(
     Raises:
         LogError: If the column map names a joint that the robot does not have.
     """
-    tau, shifted = in_time(table, robot, tau)
-    tau, unfiltered = before_low_pass(table, robot, tau)
+    tau, shifted = without_delay(table, robot, tau)
+    tau, unfiltered = without_low_pass(table, robot, tau)
     return tau, shifted + unfiltered
 
 
-def in_time(table: Table, robot: Robot, tau: Float[Array, "N nv"]) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
+def without_delay(
+    table: Table, robot: Robot, tau: Float[Array, "N nv"]
+) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
     """Torques at the times at which they acted, and a sentence that says which were recorded late.
 
-    The last torque stays until the end of the recording, which filters do not use.
+    The last torque is repeated up to the end of the recording. Filters do not use these samples.
 
     Args:
         table: Table with the times that the column map states.
@@ -83,7 +85,7 @@ def in_time(table: Table, robot: Robot, tau: Float[Array, "N nv"]) -> tuple[Floa
     return out, (f"{table.file}: the torque was taken earlier by {words}, as the column map says.",) if late else ()
 
 
-def before_low_pass(
+def without_low_pass(
     table: Table, robot: Robot, tau: Float[Array, "N nv"]
 ) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
     r"""Torques before their first-order low passes, and a sentence that says which low passes were inverted.
@@ -115,7 +117,7 @@ def _changed_columns(
     stated: Mapping[str, float],
     change: Callable[[Float[Array, " N"], float], Float[Array, " N"]],
 ) -> tuple[Float[Array, "N nv"], dict[str, float]]:
-    """Torques with changed columns, read-only, and the number that was used for each changed joint.
+    """Torques after a change of some joints' columns, read-only, and the number that was used for each changed joint.
 
     Args:
         robot: The robot, which defines the order of the joints.

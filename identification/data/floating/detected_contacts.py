@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Detects contacts from torques if no column states them: a leg that carries weight needs more torque than modelled.
 
-Such a detection is less certain than a switch in the foot, as an error of the model looks like a light contact. So
+Such a detection is less certain than a switch in the foot, because an error of the model looks like a light contact. So
 detected contacts are extended a little in time, and a warning says that they were detected.
 """
 

@@ -1,4 +1,4 @@
-"""Counts the equations that samples in stance would add, after the unknown contact forces are eliminated.
+"""Counts the equations that samples with feet on the ground would add, without the unknown contact forces.
 
 `phantom-dyn check` reports their number, but no diagnosis uses these equations: they need the inertia of the base and
 the place of every contact, and an error of either looks like an error of a joint.

@@ -67,7 +67,7 @@ class ColumnMap:
         compensated: For each joint, or ``""`` for all, the parts that a controller subtracted from its torque.
         low_pass: For each joint, or ``""`` for all, the cut-off of the low pass on its torque [Hz].
         rate: Rows per second of a log without a column of time [Hz]; None if it has one.
-        late: As in `identification.data.recording.RawTable`.
+        late: For each joint, or ``""`` for all, the time by which its torque was recorded late [s].
     """
 
     file: str

@@ -1,4 +1,4 @@
-"""Variants of the columns of a search: at the positions that the encoders read, and with a wider band.
+"""Variants of the columns of a search: computed at the positions that the encoders read, or with a wider band.
 
 In a search, columns made of accelerations are low-passed to the judged band, the lower part of the band of the fits.
 """
@@ -49,7 +49,7 @@ def with_wider_band(session: Session, columns: Columns) -> Columns:
     if columns.displaced:
         return columns
     values = []
-    blocks = [block for block in columns.local if block.effect.uses_acceleration]
+    blocks = [block for block in columns.term_columns if block.effect.uses_acceleration]
     for k, old_rows in enumerate(columns.values):
         operation = columns.operations[k].short_lived_copy()
         new_rows = (np.column_stack(row) for row in model_columns(session, k, operation, beyond=_PASSES_WHOLE))

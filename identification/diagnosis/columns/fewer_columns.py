@@ -36,6 +36,6 @@ def columns_for(columns: Columns, terms: AbstractSet[Term]) -> tuple[Columns, di
             tuple(np.ascontiguousarray(part[:, own]) for part, own in zip(log, is_kept, strict=True))
             for log in columns.values
         ),
-        local=tuple(replace(b, first=new_index[b.first]) for b in columns.local if b.first in new_index),
+        term_columns=tuple(replace(b, first=new_index[b.first]) for b in columns.term_columns if b.first in new_index),
     )
     return few, {term: renumbered[term] for term in terms}

@@ -15,17 +15,17 @@ from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.geometry.measured import load_of
 from identification.geometry.pins import KnownPlaces
-from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, placed
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, pose_of_numbers
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.robot import Robot
 
-OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
+POSE_EFFECTS = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
 """Effects that only poses show. The zero of an encoder is not one of them: torques show it, too."""
 
 
 def effects_on_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
     """Known effects that change torques: all but those that only poses show."""
-    return tuple(one for one in known if one.effect not in OF_POSES)
+    return tuple(one for one in known if one.effect not in POSE_EFFECTS)
 
 
 def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]]:
@@ -33,11 +33,11 @@ def known_twists(known: tuple[KnownEffect, ...]) -> dict[str, Float[Array, " 6"]
     out: dict[str, Array] = {}
     for one in known:
         if one.effect == LINK and one.joint is not None:
-            out[one.joint] = moved_on(out.get(one.joint, np.zeros(6)), np.array(one.theta))
+            out[one.joint] = composed_twists(out.get(one.joint, np.zeros(6)), np.array(one.theta))
     return out
 
 
-def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Array, " 6"]:
+def composed_twists(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Array, " 6"]:
     """Twist of two displacements of a joint in succession, each in the axes of the joint before it is displaced."""
     return np.array(pin.log6(pin.exp6(first) * pin.exp6(second)).vector)
 
@@ -56,7 +56,7 @@ def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
     model = robot.model.copy()
     for one in targets:
         frame = model.frames[model.getFrameId(str(one.joint))]
-        frame.placement = frame.placement * placed(np.array(one.theta))
+        frame.placement = frame.placement * pose_of_numbers(np.array(one.theta))
     for joint, twist in twists.items():
         index = model.getJointId(joint)
         model.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
@@ -71,7 +71,7 @@ def places_of_loops(robot: Robot, known: tuple[KnownEffect, ...]) -> KnownPlaces
     for one in known:
         if one.effect == TOOL_POSE:
             frame = str(one.joint)
-            targets[frame] = targets.get(frame, pin.SE3.Identity()) * placed(np.array(one.theta))
+            targets[frame] = targets.get(frame, pin.SE3.Identity()) * pose_of_numbers(np.array(one.theta))
     return KnownPlaces(known_twists(known), targets)
 
 
@@ -87,7 +87,9 @@ def corrected_recordings(
     """
     for one in known:
         if one.effect == BASE_POSE:
-            recordings = tuple(_expressed_in(placed(np.array(one.theta)), recording) for recording in recordings)
+            recordings = tuple(
+                _expressed_in(pose_of_numbers(np.array(one.theta)), recording) for recording in recordings
+            )
     in_positions = [one for one in known if one.effect in (ZERO, ELASTIC) and one.joint in robot.joint_names]
     if not in_positions:
         return recordings

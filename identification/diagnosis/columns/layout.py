@@ -1,4 +1,4 @@
-"""Which effects are tried in a session, with which shapes, on which sets of joints, and the order of their columns.
+"""Lists the terms that the search tries (effects with shapes, on joints or sets of joints), and orders their columns.
 
 One cause may act on several joints with one common parameter: drives of one kind, one supply, one wrong current scale.
 Sets of such joints are guessed from the drives in the robot's file, and from the scale of each joint, the ratio of its
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.columns.own_effects import OwnEffect
+from identification.diagnosis.columns.one_recording_effects import OneRecordingEffect
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import SERIES, FoundEffect, Term, shapes_of
 from phantom_dyn.array_types import Array, Float
@@ -32,12 +32,12 @@ _SLOW = 0.02
 
 
 @dataclass(frozen=True)
-class Local:
-    """Block of columns of one term whose columns are not those of the rigid-body regressor.
+class TermColumns:
+    """Where the columns of one term are among all columns, for effects with columns outside the rigid-body regressor.
 
     Attributes:
-        effect, joint, shape: The term of the columns.
-        first: Index of its first column among all columns.
+        effect, joint, shape: Effect, joint and shape of the term.
+        first: Index of the term's first column among all columns.
         count: Number of columns.
         rows: Indices of the joints on which the columns are not zero.
     """
@@ -57,8 +57,8 @@ def lay_out(
     names: list[str],
     found: tuple[FoundEffect, ...],
     resonances: tuple[FoundEffect, ...],
-) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
-    """All candidate terms, and the blocks of their columns; the names of the columns are appended to ``names``.
+) -> tuple[tuple[Term, ...], tuple[TermColumns, ...]]:
+    """All candidate terms, and where their columns are; the names of the columns are appended to ``names``.
 
     Args:
         session: Robot and recordings.
@@ -70,12 +70,12 @@ def lay_out(
     """
     robot = session.robot
     terms: list[Term] = []
-    local: list[Local] = []
+    term_columns: list[TermColumns] = []
     start = _first_samples(operation)
     for effect, joint, shapes in shapes_of(
-        robot, operation, found, resonances, session.differences.own, groups_of_joints(session, operation)
+        robot, operation, found, resonances, session.differences.effects, groups_of_joints(session, operation)
     ):
-        if effect.inertial is not None and not isinstance(effect, OwnEffect):
+        if effect.inertial is not None and not isinstance(effect, OneRecordingEffect):
             columns = tuple(first_body + c for c in effect.regressor_columns(robot, joint))
             size = 4 if effect.inertial == "point mass" else len(columns)
             free = (np.inf,) * len(columns)
@@ -93,8 +93,8 @@ def lay_out(
             size = count + (0 if effect.shape_is_estimate else len(shape))
             size = 4 if effect.inertial == "point mass" else size
             terms.append(Term(effect, joint, shape, columns, size, lower, upper))
-            local.append(Local(effect, joint, shape, columns[0], count, signature.rows))
-    return tuple(terms), tuple(local)
+            term_columns.append(TermColumns(effect, joint, shape, columns[0], count, signature.rows))
+    return tuple(terms), tuple(term_columns)
 
 
 def _first_samples(operation: Operation) -> Operation:
@@ -116,13 +116,17 @@ def groups_of_joints(session: Session, operation: Operation) -> tuple[str, ...]:
     if robot.nv < 2:
         return ()
     measured = np.concatenate([log.tau for log in session.logs])
-    groups = [*by_drives(robot), *by_place(robot.nv), *by_scales(scales(measured, operation.tau, operation.v))]
+    groups = [
+        *groups_by_drives(robot),
+        *groups_by_place(robot.nv),
+        *groups_by_scales(scale_of_joints(measured, operation.tau, operation.v)),
+    ]
     driven = [[row for row in sorted(group) if robot.actuators[row].actuated] for group in groups]
     unique = dict.fromkeys(tuple(group) for group in driven if len(group) > 1)
     return tuple("+".join(robot.joint_names[row] for row in group) for group in list(unique)[:_MOST])
 
 
-def by_drives(robot: Robot) -> list[tuple[int, ...]]:
+def groups_by_drives(robot: Robot) -> list[tuple[int, ...]]:
     """All joints together, and sets of joints with the same torque limit, gear ratio, rotor or stem of their names."""
     out = [tuple(range(robot.nv))]
     keys: list[list[Hashable]] = [
@@ -141,13 +145,13 @@ def by_drives(robot: Robot) -> list[tuple[int, ...]]:
     return out
 
 
-def by_place(count: int) -> list[tuple[int, ...]]:
+def groups_by_place(count: int) -> list[tuple[int, ...]]:
     """Sets of the first joints, and sets of the last joints: arms have large drives first and small ones last."""
     sizes = range(2, count)
     return [*(tuple(range(size)) for size in sizes), *(tuple(range(count - size, count)) for size in sizes)]
 
 
-def scales(
+def scale_of_joints(
     measured: Float[Array, "N nv"], modelled: Float[Array, "N nv"], v: Float[Array, "N nv"]
 ) -> Float[Array, " nv"]:
     """Scale of measured over modelled torque of each joint, fitted together with friction and an offset, ``(nv,)``."""
@@ -161,7 +165,7 @@ def scales(
     return out
 
 
-def by_scales(scale: Float[Array, " nv"]) -> list[tuple[int, ...]]:
+def groups_by_scales(scale: Float[Array, " nv"]) -> list[tuple[int, ...]]:
     """Sets of neighbours in the order of the joints' scales; sets whose scales differ least come first."""
     order = np.argsort(scale, kind="stable")
     runs = []

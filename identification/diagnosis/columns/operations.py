@@ -15,7 +15,7 @@ import numpy as np
 from identification.data.log import Log
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect
-from identification.diagnosis.columns.tolerance_parameters import OF_THE_RECORDING, modelled_value, tolerance_parameters
+from identification.diagnosis.columns.tolerance_parameters import RECORDING_KINDS, modelled_value, tolerance_parameters
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -27,13 +27,13 @@ from phantom_dyn.effects.support.changed_robot import with_friction, with_parame
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-# Smallest relative change of a parameter, even if its stated tolerance is larger: masses stay above zero.
+# Smallest relative change of a parameter, however large its stated tolerance is: so masses stay above zero.
 _LEAST = -0.9
 # Step of the load for the numerical derivative of a law, as a share of the root mean square of the load.
 _LOAD_STEP = 1e-4
 
 
-def operate(
+def operation_of(
     robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: int = 0, band_hz: float = np.inf
 ) -> Operation:
     """Motion of a log with the torque of the given model.
@@ -65,7 +65,7 @@ def motion_of(log: Log) -> Motion:
     return log.motion.with_joints(log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
 
-def carrying_known(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
+def with_known_payloads(robot: Robot, known: Iterable[KnownEffect]) -> Robot:
     """The robot with the payloads of earlier diagnoses on its last link, which a new negative payload may remove.
 
     Args:
@@ -85,7 +85,7 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
     Args:
         robot: The given model.
         operation: Motion and torque of the given model alone.
-        known: The effects.
+        known: Effects of earlier diagnoses.
     """
     effects = [(effect_named(one.effect, robot), one) for one in known]
     # Robot with the true direction of gravity, and true motion of its links.
@@ -114,11 +114,11 @@ def with_known(robot: Robot, operation: Operation, known: tuple[KnownEffect, ...
                 found_load = found_load - torque
             else:
                 in_drive = in_drive - torque
-    per_load = _per_load(robot, operation, found_load, effects)
+    per_load = _torque_per_load(robot, operation, found_load, effects)
     return replace(operation, tau=tau, expected=tau, found_load=None, per_load=per_load, known_in_drive=in_drive)
 
 
-def _per_load(
+def _torque_per_load(
     robot: Robot,
     operation: Operation,
     found_load: Float[Array, "N nv"],
@@ -159,7 +159,7 @@ def _stage_of(effect: Rival) -> int:
     return 1 if effect.follows_load else 0
 
 
-def expecting(operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
+def with_expected_torque(operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
     """The operation whose expected torque is that of the given model plus that of the effects of the last fit.
 
     Effects that are computed from the expected torque (late drives, torque constants) are not included.
@@ -184,7 +184,7 @@ def _torque_of(operation: Operation, found: FoundEffect) -> Float[Array, "N nv"]
     return out
 
 
-def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]) -> tuple[Robot, Motion]:
+def true_robot_and_motion(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]) -> tuple[Robot, Motion]:
     """The robot with the true direction of gravity, and the true motion of its links, according to the last fit.
 
     Args:
@@ -200,7 +200,7 @@ def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]
 
 
 def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
-    """The part of the drive torque for friction: that of the model and of the last fit's effects of friction."""
+    """Part of the drive torque that overcomes friction, by the model and by effects of friction in the last fit."""
     return sum((_torque_of(operation, one) for one in found if one.effect.rubs), operation.own_friction)
 
 
@@ -222,12 +222,12 @@ def adjusted_robot(robot: Robot, changes: Float[Array, " n"], given: Robot | Non
                 change[10 * (owner - 1) : 10 * owner] += value * parameter.direction
         elif owner is not None and parameter.kind == "rotor":
             out = with_rotor_inertia(out, owner, value * modelled_value(robot, "rotor", owner))
-        elif owner is not None and parameter.kind not in OF_THE_RECORDING:
+        elif owner is not None and parameter.kind not in RECORDING_KINDS:
             out = with_friction(out, owner, **{parameter.kind: value * modelled_value(robot, parameter.kind, owner)})
     return with_parameters(out, change)
 
 
-def moved_operation(operation: Operation, robot: Robot) -> Operation:
+def operation_of_model(operation: Operation, robot: Robot) -> Operation:
     """The operation with the torque of another model in place of the given one.
 
     Args:

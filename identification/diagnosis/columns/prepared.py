@@ -32,11 +32,11 @@ class Prepared:
 
     Attributes:
         robot: The given model.
-        seen: Recordings that fits may see.
-        unseen: Recordings that no fit sees.
+        fitted: Recordings that fits may see.
+        held_out: Recordings that no fit sees.
         known: Effects on torques that belong to the given model already.
         changes: Known differences between the recordings; empty if there are none.
-        tracked: Recordings with measured poses, if there are any.
+        with_poses: Recordings with measured poses, if there are any.
         places: Corrected places of a closed chain, from earlier poses.
         files: Names of all recordings.
         notes: Notes on the stretches of long recordings that are used.
@@ -44,11 +44,11 @@ class Prepared:
     """
 
     robot: Robot
-    seen: tuple[Recording, ...]
-    unseen: tuple[Recording, ...]
+    fitted: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
     known: tuple[KnownEffect, ...]
     changes: tuple[Change, ...]
-    tracked: tuple[Recording, ...]
+    with_poses: tuple[Recording, ...]
     places: KnownPlaces | None
     files: tuple[str, ...]
     notes: tuple[Said, ...]
@@ -81,26 +81,26 @@ def prepared(
     robot = without_unread_drives(with_known_places(robot, known), recordings)
     recordings = with_payloads_checked(robot, recordings, changes)
     require_right(recordings)
-    tracked = corrected_recordings(robot, recordings, known)
+    corrected = corrected_recordings(robot, recordings, known)
     if changes and any(one.poses_alone for one in recordings):
         raise LogError(
             "A log of poses without torque was given with --recordings, which is about torques: diagnose it by itself."
         )
     count = len(recordings) - held_out
-    seen, unseen = (
+    fitted, withheld = (
         tuple(one for one in some if not one.poses_alone) for some in (recordings[:count], recordings[count:])
     )
     notes: tuple[Said, ...] = ()
     if not changes:  # stated differences hold for whole recordings, so these are not shortened
-        notes = tuple(note_on_length(one) for one in (*seen, *unseen) if is_long(one))
-        seen, unseen = (tuple(part for one in some for part in stretches(one)) for some in (seen, unseen))
+        notes = tuple(note_on_length(one) for one in (*fitted, *withheld) if is_long(one))
+        fitted, withheld = (tuple(part for one in some for part in stretches(one)) for some in (fitted, withheld))
     return Prepared(
         robot,
-        seen,
-        unseen,
+        fitted,
+        withheld,
         effects_on_torques(known),
         changes,
-        tracked if has_poses(tracked) else (),
+        corrected if has_poses(corrected) else (),
         places_of_loops(robot, known),
         files=tuple(recording.file for recording in recordings),
         notes=notes,

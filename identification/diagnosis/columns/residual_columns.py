@@ -16,15 +16,20 @@ import numpy as np
 
 from identification.data.log import Band
 from identification.data.unknown_drives import unknown_drives
-from identification.diagnosis.columns.layout import Local, lay_out
-from identification.diagnosis.columns.motion.one_sine import held, moving, two_numbers_beside_more
+from identification.diagnosis.columns.layout import TermColumns, lay_out
+from identification.diagnosis.columns.motion.one_sine import moving, uninformative_sines, without_motion
 from identification.diagnosis.columns.motion.standstill import (
     friction_sign_unknown,
     reversal_std,
     standstill_std,
     usable_samples,
 )
-from identification.diagnosis.columns.operations import expecting, friction_with, operate, where_links_are
+from identification.diagnosis.columns.operations import (
+    friction_with,
+    operation_of,
+    true_robot_and_motion,
+    with_expected_torque,
+)
 from identification.diagnosis.columns.residual_within_tolerances import residual_within_tolerances
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.columns.terms import FoundEffect, Term, merged
@@ -66,7 +71,7 @@ class Columns:
         reversal_std: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
         standstill_std: For each log, standard deviation of the friction torque of joints at standstill, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
-        local: Blocks of columns of the effects.
+        term_columns: For each term whose columns are not those of the rigid-body regressor, where its columns are.
         displaced: Names and joints of the effects that displace links or turn gravity. The columns of tolerance
             parameters and rigid bodies are computed at the true positions and gravity according to these effects.
     """
@@ -82,13 +87,13 @@ class Columns:
     reversal_std: tuple[Float[Array, "n nv"], ...]
     standstill_std: tuple[Float[Array, "n nv"], ...]
     operations: tuple[Operation, ...]
-    local: tuple[Local, ...]
+    term_columns: tuple[TermColumns, ...]
     displaced: tuple[tuple[str, str | None], ...] = ()
 
     @property
     def model_count(self) -> int:
         """Number of columns of tolerance parameters and rigid bodies, which come first."""
-        return min((block.first for block in self.local), default=len(self.names))
+        return min((block.first for block in self.term_columns), default=len(self.names))
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ def build_columns(session: Session, about: FitPoint = FitPoint(), before: Column
         # there. The displacing effect itself is computed from the given model. The sum of both is exact.
         parts = tuple(model_columns(session, k, o, displacing) for k, o in enumerate(given.operations))
         given = replace(given, of_model=parts)
-    operations = tuple(expecting(o, about.found) for o in given.operations)
+    operations = tuple(with_expected_torque(o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
         residual = residual_within_tolerances(robot, given.of_model, given.residual, given.usable)
@@ -139,13 +144,13 @@ def build_columns(session: Session, about: FitPoint = FitPoint(), before: Column
     tolerances = [parameter.name for parameter in tolerance_parameters(robot)]
     names = [*tolerances, *parameter_names(robot)]
     found = (*about.found, *about.runners_up)
-    terms, local = lay_out(session, merged(operations), len(tolerances), names, found, about.resonances)
+    terms, term_columns = lay_out(session, merged(operations), len(tolerances), names, found, about.resonances)
     given = replace(given, operations=operations)
     values = tuple(
-        _values(session, k, o, own, local, {} if before is None else _kept(before, k))
+        _values(session, k, o, own, term_columns, {} if before is None else _kept(before, k))
         for k, (o, own) in enumerate(zip(operations, given.of_model, strict=True))
     )
-    return _assembled(session, given, tuple(names), terms, local, values, about.found)
+    return _assembled(session, given, tuple(names), terms, term_columns, values, about.found)
 
 
 def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()) -> Columns:
@@ -168,19 +173,19 @@ def columns_by_log(
     The values of all logs together may not fit in memory.
     """
     given, displacing = _given_part(session), _displacing(session.robot, found) if like.displaced else ()
-    operations = tuple(expecting(o, found) for o in given.operations)
+    operations = tuple(with_expected_torque(o, found) for o in given.operations)
     expected = replace(given, operations=operations)
 
     def values_of(log: int) -> tuple[Array, ...]:
         of_model = model_columns(session, log, given.operations[log], displacing)
-        return _values(session, log, operations[log], of_model, like.local, {})
+        return _values(session, log, operations[log], of_model, like.term_columns, {})
 
-    return _assembled(session, expected, like.names, like.terms, like.local, (), found), values_of
+    return _assembled(session, expected, like.names, like.terms, like.term_columns, (), found), values_of
 
 
 @dataclass(frozen=True)
 class _GivenPart:
-    """Parts that no fit changes.
+    """The parts of `Columns` that no fit changes: motion, torque and the columns of the given model.
 
     Attributes:
         operations, model_torque, residual, usable, reversal_std: As in `Columns`.
@@ -196,15 +201,15 @@ class _GivenPart:
 
 
 def _given_part(session: Session) -> _GivenPart:
-    """The parts that no fit changes, without columns of model parameters."""
+    """The parts that no fit changes; the columns of model parameters are still empty."""
     robot, logs = session.robot, session.logs
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
     moves = moving(logs)
     # Rows that are not used: another recording shows more of the joint.
-    unused = two_numbers_beside_more(logs, moves)
+    unused = uninformative_sines(logs, moves)
+    without_unused = [without_motion(log) if (unused[k] | ~moves[k]).all() else log for k, log in enumerate(logs)]
     operations = tuple(
-        operate(robots[k], held(log) if (unused[k] | ~moves[k]).all() else log, session.known, k, session.cutoff_hz)
-        for k, log in enumerate(logs)
+        operation_of(robots[k], log, session.known, k, session.cutoff_hz) for k, log in enumerate(without_unused)
     )
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
     return _GivenPart(
@@ -242,7 +247,7 @@ def _assembled(
     given: _GivenPart,
     names: tuple[str, ...],
     terms: tuple[Term, ...],
-    local: tuple[Local, ...],
+    term_columns: tuple[TermColumns, ...],
     values: tuple[tuple[Float[Array, "n k"], ...], ...],
     found: tuple[FoundEffect, ...],
 ) -> Columns:
@@ -251,7 +256,7 @@ def _assembled(
     rows = []
     for j, acting in enumerate(parameters_by_joint(robot, parameters)):
         mine = [*acting, *(len(parameters) + k for k in _parameters_on(robot, j))]
-        for block in local:
+        for block in term_columns:
             if j in block.rows:
                 mine += range(block.first, block.first + block.count)
         rows.append(tuple(mine))
@@ -271,7 +276,7 @@ def _assembled(
             for log, operation in zip(session.logs, given.operations, strict=True)
         ),
         given.operations,
-        local,
+        term_columns,
         tuple(point.effect_joint for point in _displacing(session.robot, found)),
     )
 
@@ -303,13 +308,13 @@ def model_columns(
     Args:
         session: Robot and logs.
         log: Index of the log.
-        operation: Its motion.
+        operation: Motion and modelled torque of that log.
         displacing: Effects that displace the links.
         beyond: Cutoff of columns made of accelerations, divided by the edge of the judged band.
     """
     robot, band = session.robot, session.logs[log].band
     narrow = partial(session.log_below, log=log, edge_hz=beyond * session.cutoff_hz)
-    there = where_links_are(robot, operation, displacing)
+    there = true_robot_and_motion(robot, operation, displacing)
     regressor = narrow(_regressor_in_band(*there, band, operation.per_load))
     bodies = regressor.transpose(1, 0, 2)
     nuisances = tolerance_columns(robot, operation, bodies, session.logs[log], narrow)
@@ -322,9 +327,9 @@ def _regressor_in_band(
     """The rigid-body regressor in the band, from pieces of the motion: at the full rate it is large.
 
     Args:
-        robot: The model.
+        robot: The given model.
         motion: Motion of its links.
-        band: Filter.
+        band: Filter of the recording.
         per_load: Derivative of the drive torque with respect to the torque on the link; None: it is one.
     """
     inside = band.samples(len(motion.t))
@@ -342,7 +347,7 @@ def _parameters_on(robot: Robot, row: int) -> tuple[int, ...]:
 
 
 def effect_columns(
-    session: Session, log: int, operation: Operation, block: Local, edge_hz: float
+    session: Session, log: int, operation: Operation, block: TermColumns, edge_hz: float
 ) -> tuple[Float[Array, "n c"], ...]:
     """In-band columns of one effect in one log, an array for each row.
 
@@ -363,7 +368,7 @@ def effect_columns(
 def _kept(before: Columns, log: int) -> dict[ColumnKey, tuple[Float[Array, "n c"], ...]]:
     """Columns of one log that do not depend on the last fit, by effect, joint and shape; an array for each row."""
     out: dict[ColumnKey, tuple[Array, ...]] = {}
-    for block in before.local:
+    for block in before.term_columns:
         if block.effect.stays:
             places = [(row, before.rows[row].index(block.first)) for row in block.rows]
             out[block.effect.name, block.joint, block.shape] = tuple(
@@ -377,18 +382,18 @@ def _values(
     log: int,
     operation: Operation,
     of_model: list[list[Float[Array, " n"]]],
-    local: tuple[Local, ...],
+    term_columns: tuple[TermColumns, ...],
     kept: dict[ColumnKey, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row; the columns ``kept`` of an earlier fit are reused."""
     operation = operation.short_lived_copy()
 
-    def computed(block: Local) -> tuple[Array, ...]:
+    def computed(block: TermColumns) -> tuple[Array, ...]:
         known = kept.get((block.effect.name, block.joint, block.shape))
         return effect_columns(session, log, operation, block, session.cutoff_hz) if known is None else known
 
     rows = [list(columns) for columns in of_model]
-    for block, parts in zip(local, in_two_threads(computed, local), strict=True):
+    for block, parts in zip(term_columns, in_two_threads(computed, term_columns), strict=True):
         for row, columns in zip(block.rows, parts, strict=True):
             rows[row].extend(columns.T)
     return tuple(np.column_stack(columns) for columns in rows)

@@ -58,7 +58,7 @@ def _stiffness(log: Log, joint: str) -> float | None:
         response = joint_response(log, joint)
         if np.mean(response.coherence >= rules.COHERENT) < rules.EXCITED_SHARE:
             return None
-        # The fit may overflow on the way if the system has not two masses; a bad fit raises an error.
+        # The fit may overflow if the joint is not two masses on a spring; a bad fit raises an error.
         with np.errstate(all="ignore"):
             return fit_continuous_two_mass(response).axis.cable_stiffness
     except (EstimationError, LogError, ParameterError):
@@ -70,7 +70,7 @@ def joint_response(log: Log, joint: str) -> FrequencyResponse:
 
     Args:
         log: A recording in which this joint is driven by noise or a chirp.
-        joint: Its name.
+        joint: Name of the joint.
 
     Raises:
         RobotError: If the recording has no such joint.

@@ -23,8 +23,8 @@ from identification.diagnosis.columns.blocks import split_blocks
 from identification.diagnosis.columns.motion.brakes import with_brakes
 from identification.diagnosis.columns.motion.one_sine import in_one_sine, moving
 from identification.diagnosis.columns.motion.soft_friction import with_shown_friction
-from identification.diagnosis.columns.operations import carrying_known, operate
-from identification.diagnosis.columns.own_effects import ALIKE, Differences, differences_of
+from identification.diagnosis.columns.one_recording_effects import NO_DIFFERENCES, Differences, differences_of
+from identification.diagnosis.columns.operations import operation_of, with_known_payloads
 from identification.diagnosis.columns.structure import STRUCTURES
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.engine.products.blocks import Block, assign_folds
@@ -58,7 +58,7 @@ class Session:
     blocks: tuple[Block, ...]
     folds: Int[Array, " B"]
     known: tuple[KnownEffect, ...] = ()
-    differences: Differences = ALIKE
+    differences: Differences = NO_DIFFERENCES
     recordings: tuple[Recording, ...] = ()
 
     @property
@@ -110,7 +110,7 @@ def session_of_logs(
     *,
     held_out: int = 0,
     known: tuple[KnownEffect, ...] = (),
-    differences: Differences = ALIKE,
+    differences: Differences = NO_DIFFERENCES,
 ) -> Session:
     """A session of logs that are ready for fitting; no fit sees the last ``held_out`` of them."""
     blocks = split_blocks(logs, cutoff_hz)
@@ -142,7 +142,7 @@ def session_of(
         EffectError: If a user's effect has the name of a structure of unknown cause.
     """
     _require_free_names(robot)
-    robot = carrying_known(robot, known)
+    robot = with_known_payloads(robot, known)
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot, band_factor)
@@ -157,7 +157,7 @@ def session_of(
         )
     _require_samples(session)
     require_swings(session.logs)
-    return replace(session, robot=with_unknown_arrivals(_with_its_friction(session), logs), recordings=every)
+    return replace(session, robot=with_unknown_arrivals(_with_soft_friction(session), logs), recordings=every)
 
 
 def _require_samples(session: Session) -> None:
@@ -180,12 +180,12 @@ def _require_samples(session: Session) -> None:
     )
 
 
-def _with_its_friction(session: Session) -> Robot:
+def _with_soft_friction(session: Session) -> Robot:
     """The robot with the soft friction of MuJoCo if the recordings show it, else without."""
     robot = session.robot
     if not any(robot.soft_friction):
         return robot
-    operations = [operate(robot, log, session.known, k, session.cutoff_hz) for k, log in enumerate(session.logs)]
+    operations = [operation_of(robot, log, session.known, k, session.cutoff_hz) for k, log in enumerate(session.logs)]
     recorded = [(o, log.tau - o.tau, log.band) for o, log in zip(operations, session.logs, strict=True)]
     return with_shown_friction(robot, recorded, _known_coulomb(robot, session.known))
 

@@ -28,8 +28,8 @@ from phantom_dyn.random_streams import random_stream
 from phantom_dyn.signals.recursive import lagging
 
 _SLOW = 3  # largest number of half waves of a drift within the recording
-# If the joint's position and velocity explain more than this share of the squares of sine and cosine at a frequency, a
-# torque at that frequency is no rhythm but an effect of the motion.
+# If a joint's position and velocity explain more than this share of the squares of sine and cosine at a frequency, a
+# torque at that frequency is an effect of the motion and no rhythm.
 _OF_THE_MOTION = 0.9
 # Smallest square of a combination of columns, as a share of the largest, with which it counts as a column of its own;
 # number of postures in which these squares are computed.
@@ -76,7 +76,7 @@ class Drift(Rival):
         return _on_row(robot, joint, [steady * np.cos(k * phase) for k in range(_SLOW + 1)])
 
 
-class OfDrive(Drift):
+class DriveDrift(Drift):
     """A drift that changes the torque of the drive itself."""
 
     acts_as = "drive"
@@ -89,7 +89,7 @@ class Rhythm(Rival):
     regime = "everywhere"
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The two strongest frequencies [Hz] of the torque residual, without that of a joint that moves in one sine.
+        """The two strongest frequencies [Hz] of the residual, without the frequency of a joint that moves in one sine.
 
         At that frequency, sine and cosine are the position and the velocity of the joint, and a torque that depends on
         these is no rhythm.
@@ -111,7 +111,7 @@ class Rhythm(Rival):
             if power[peak] <= 0:
                 break
             hertz = float(frequency[peak])
-            if not _swings_at(hertz, operation, j):
+            if not _moves_at(hertz, operation, j):
                 out.append((hertz,))
             power[np.abs(frequency - frequency[peak]) < 2.0 / seconds] = 0.0
         return tuple(out)
@@ -126,7 +126,7 @@ class Rhythm(Rival):
         return _on_row(robot, joint, [np.sin(phase), np.cos(phase)])
 
 
-def _swings_at(hertz: float, operation: Operation, j: int) -> bool:
+def _moves_at(hertz: float, operation: Operation, j: int) -> bool:
     """True if sine and cosine of a frequency are sums of a joint's position and velocity."""
     phase = 2 * np.pi * hertz * (operation.t - operation.t[0])
     waves = np.column_stack([np.sin(phase), np.cos(phase)])
@@ -296,7 +296,9 @@ STRUCTURES: tuple[Rival, ...] = (
     Drift("drifting_offset", "torque_offset", lambda operation, j: np.ones(len(operation.t))),
     Drift("drifting_friction", "coulomb_friction", lambda operation, j: np.sign(operation.v[:, j])),
     Drift("drifting_damping", "viscous_friction", lambda operation, j: _scaled(operation.v[:, j])),
-    OfDrive("drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), ("acceleration",)),
+    DriveDrift(
+        "drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), ("acceleration",)
+    ),
     Rhythm(),
     Field(),
     Contact(),

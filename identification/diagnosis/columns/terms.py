@@ -105,11 +105,11 @@ def shapes_of(
     robot: Robot,
     operation: Operation,
     found: tuple[FoundEffect, ...],
-    seen: tuple[FoundEffect, ...] = (),
+    additional: tuple[FoundEffect, ...] = (),
     own: tuple[Effect, ...] = (),
     groups_of_joints: tuple[str, ...] = (),
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
-    """Effects, joints and shapes that the search tries, without effects that the recordings cannot show.
+    """Effects, joints and shapes that the search tries; effects that the recordings cannot show are left out.
 
     A joint whose load is nearly constant does not separate some effects, such as friction and friction that grows with
     the load. If one of them was found there, its shapes are also tried for the others.
@@ -118,7 +118,7 @@ def shapes_of(
         robot: Determines which effects are possible on which joints.
         operation: Samples of all recordings.
         found: Effects that the last fit found; shapes near theirs replace the effect's grid of shapes.
-        seen: Effects that a separate method found, such as resonances; their shapes are tried in addition to the grid.
+        additional: Effects that a separate method found, such as resonances; their shapes are tried beside the grid.
         own: Effects that act in one of several recordings only.
         groups_of_joints: Sets of joints on which one cause may have one common parameter, their names joined by ``+``.
     """
@@ -133,14 +133,14 @@ def shapes_of(
                 continue
             point = near.get((effect.name, joint))
             if point is None:
-                beside = [point.shape for point in seen if point.effect_joint == (effect.name, joint)]
+                more_shapes = [point.shape for point in additional if point.effect_joint == (effect.name, joint)]
                 alike = [point for point in found if point.joint == joint and effect.name in point.effect.same_shapes]
-                beside += [point.shape for point in alike if _load_is_steady(robot, operation, joint)]
-                shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *beside)))
+                more_shapes += [point.shape for point in alike if _load_is_steady(robot, operation, joint)]
+                shapes = tuple(dict.fromkeys((*effect.shapes(robot, operation, joint), *more_shapes)))
             else:
                 shapes = effect.refined(point.coefficients, point.shape)
-                # If a special case of the law was found, too, all shapes are still tried: shapes that the recording
-                # hardly shows are not excluded.
+                # If a special case of the law was found, too, all shapes are still tried, even those that the recording
+                # hardly shows.
                 if any((name, joint) in near for name in effect.contains):
                     shapes = tuple(dict.fromkeys((*shapes, *effect.shapes(robot, operation, joint))))
             out.append((effect, joint, tuple(shapes)))
@@ -158,9 +158,9 @@ def _load_is_steady(robot: Robot, operation: Operation, joint: str | None) -> bo
 def _hidden_by_drives(robot: Robot, effect: Rival, joint: str | None) -> str | None:
     """Reason why an effect cannot be tested because drives are missing or their torque is unknown; None if it can.
 
-    On a joint without a drive the residual is the torque that the model computes, so a torque constant or friction
-    under load would always explain it. If no torque at all is known, all inertial parameters may be scaled alike, and
-    bodies without mass would fit best.
+    The measured torque of a joint without a drive is zero, so its residual is minus the modelled torque, and a torque
+    constant or friction under load would always explain it. If no torque at all is known, all inertial parameters may
+    be scaled alike, and bodies without mass would fit best.
     """
     own = robot.actuators[robot.joint_names.index(joint)] if joint in robot.joint_names else None
     if own is not None and not own.drive_known:
@@ -208,7 +208,7 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     q, v, a, tau, expected, logged = (joined([getattr(o, name) for o in operations]) for name in SERIES[1:])
     temperature = None
     if any(o.temperature is not None for o in operations):
-        temperature = np.concatenate([_or_filled(o.temperature, o.q, np.nan) for o in operations])
+        temperature = np.concatenate([_series_or_constant(o.temperature, o.q, np.nan) for o in operations])
     whole = Operation(
         t,
         q,
@@ -227,7 +227,7 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     return whole.made_of(operations)
 
 
-def _or_filled(series: Array | None, like: Array, value: float) -> Array:
+def _series_or_constant(series: Array | None, like: Array, value: float) -> Array:
     """The series, or a constant one with the shape of ``like`` if there is none."""
     return np.full_like(like, value) if series is None else series
 
@@ -238,7 +238,9 @@ def _references(operations: tuple[Operation, ...], t: Float[Array, " N"]) -> Ref
     if not known:
         return None
     q_ref, commanded = (
-        np.concatenate([_or_filled(o.references and getattr(o.references, name), o.q, 0.0) for o in operations])
+        np.concatenate(
+            [_series_or_constant(o.references and getattr(o.references, name), o.q, 0.0) for o in operations]
+        )
         for name in ("q_ref", "commanded")
     )
     gain, limits, most = (np.max([getattr(one, of) for one in known], axis=0) for of in ("gain", "limits", "most"))

@@ -1,6 +1,6 @@
 """Parameters of the model that may change within its stated tolerances, and the column of each in the regression.
 
-They are nuisances: fits include them, but the torque that they explain is no fault of the model and needs no effect.
+They are nuisances: fits include them, but torque that they explain is no error of the model beyond its tolerances.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ARRIVAL = "arrival"
 """Kind of the time at which a joint's references arrive within a cycle of the controller."""
 BASE = "base"
 """Kind of an error of the sensors on a base that is not bolted down."""
-OF_THE_RECORDING = (TIMING, SOFTNESS, ARRIVAL, BASE)
+RECORDING_KINDS = (TIMING, SOFTNESS, ARRIVAL, BASE)
 """Kinds of parameters that belong to a recording, and not to the model."""
 
 

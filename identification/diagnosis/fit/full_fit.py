@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.diagnosis.columns.own_effects import OwnEffect
+from identification.diagnosis.columns.one_recording_effects import OneRecordingEffect
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.covariance import covariance, free_parameters
 from identification.diagnosis.fit.fitting import Fitted
@@ -206,7 +206,7 @@ def rotor_covariance(layout: ModelLayout, model: Linearised, total: Float[Array,
     """
     robot = layout.problem.session.robot
     fitted = {slices.term.joint for slices in layout.term_slices if slices.term.effect.name == _ROTOR_EFFECT}
-    of_difference = any(isinstance(slices.term.effect, OwnEffect) for slices in layout.term_slices)
+    of_difference = any(isinstance(slices.term.effect, OneRecordingEffect) for slices in layout.term_slices)
     without_rotors = total.copy()
     for row, joint in enumerate(robot.joint_names):
         if joint in fitted or (robot.rotor_inertia[row] > 0.0 and not of_difference):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.columns.operations import adjusted_robot, moved_operation
+from identification.diagnosis.columns.operations import adjusted_robot, operation_of_model
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.point_mass import load_jacobian
@@ -98,7 +98,7 @@ class ModelLayout:
             loaded = operation.robot
             if id(loaded) not in robots:
                 robots[id(loaded)] = adjusted_robot(loaded, changes, given)
-            operations.append(moved_operation(operation, robots[id(loaded)]))
+            operations.append(operation_of_model(operation, robots[id(loaded)]))
         return replace(self, operations=tuple(operations))
 
 

@@ -45,7 +45,8 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
 _FORMULA_PREDICTS = 0.4  # share of the squared residual that a formula has to predict; with less it is no law
-_MOSTLY = 0.5  # without a formula, inputs are named that more than this share of the bootstrap replicates choose
+# If no formula is found, an input is named if more than this share of the bootstrap replicates choose it.
+_MOSTLY = 0.5
 # Kinds of terms, the most specific first, each with the law in the literature that a formula with the term resembles.
 _SIMILAR: tuple[tuple[str, str], ...] = (
     ("hysteresis that grows with load", "hysteresis of a harmonic drive"),
@@ -95,7 +96,7 @@ def with_law(judgement: Judgement, shown: Shown) -> Judgement:
 
 
 def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law | None, Dependence]:
-    """The law of a residual, None if no formula is stable, and the inputs on which the residual depends.
+    """The law of a residual (None if no formula is stable), and the inputs on which the residual depends.
 
     Args:
         residual: Residual of one joint.
@@ -114,7 +115,7 @@ def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law |
     predicted = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
     # If a response with memory predicts clearly better than the formula, the formula only imitates it and is no law.
     imitates = gains.clearly_less(choice.held_out)
-    stable = bool(choice.chosen) and choice.same >= STABLE and predicted >= _FORMULA_PREDICTS and not imitates
+    stable = bool(choice.chosen) and choice.same_kinds >= STABLE and predicted >= _FORMULA_PREDICTS and not imitates
     terms, law = (), None
     if stable:
         terms = _terms(residual, choice)
@@ -133,10 +134,10 @@ def law_of(residual: JointResidual, joints: tuple[JointGap, ...]) -> tuple[Law |
         curves=input_curves(residual, inputs),
         responses=frequency_responses(residual, inputs),
         terms=terms,
-        same_terms=choice.same if stable else 0.0,
+        same_terms=choice.same_kinds if stable else 0.0,
         predicted_share=predicted if stable else 0.0,
         blocks=len(judged),
-        model=model_of(residual, choice, lawful=stable),
+        model=model_of(residual, choice, contains_law=stable),
     )
     return law, dependence
 
@@ -167,13 +168,13 @@ def _terms(residual: JointResidual, choice: Choice) -> tuple[LawTerm, ...]:
 
 
 def _coefficients(residual: JointResidual, columns: LibraryColumns, at: list[int]) -> Float[Array, "D k"]:
-    """Coefficients of some columns, fitted with the nuisances: first on all blocks that fits may use, then on draws.
+    """Coefficients of some columns, fitted with the nuisances to all blocks that fits may use, then to each draw.
 
     Products are summed for these columns and the nuisances only, as the library is large.
     """
     products = columns.products.of([*at, *columns.nuisances])
-    draws = residual.draws("blocks of the coefficients of a law")
-    return np.array([products.summed_without(drawn, columns.prior).fitted(list(range(len(at)))) for drawn in draws])
+    weights = residual.block_weights("blocks of the coefficients of a law")
+    return np.array([products.summed_without(drawn, columns.prior).fitted(list(range(len(at)))) for drawn in weights])
 
 
 def _law(residual: JointResidual, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:
@@ -227,18 +228,18 @@ def similar_law(coefficients: Mapping[str, float]) -> str | None:
     return next((law for kind, law in _SIMILAR if kind in coefficients), None)
 
 
-def model_of(residual: JointResidual, choice: Choice, *, lawful: bool) -> ResidualModel | None:
+def model_of(residual: JointResidual, choice: Choice, *, contains_law: bool) -> ResidualModel | None:
     """The residual model with the smallest error on held-out blocks; None if it predicts too little.
 
     Args:
         residual: Residual of the joint.
         choice: The formula that was chosen together with the corrected model's coefficients.
-        lawful: True if the formula is shown as the law.
+        contains_law: True if the formula is shown as the law, so that the model contains it.
     """
     columns, count = choice.columns, len(choice.columns.size)
     no_prior = NuisancePrior(np.zeros((0, 0)), np.zeros(0))
     plain = replace(columns, x=columns.x[:, :count], products=columns.products.of(list(range(count))), prior=no_prior)
-    start = choice.chosen if lawful else ()
+    start = choice.chosen if contains_law else ()
     loss = held_out_losses(residual, plain, _MOST_MODEL_TERMS, start)
     whole = plain.products.summed((residual.folds >= 0).astype(float))
     path = extended(plain.terms, whole, start, _MOST_MODEL_TERMS)
@@ -253,7 +254,7 @@ def model_of(residual: JointResidual, choice: Choice, *, lawful: bool) -> Residu
     inputs = residual.named(plain.inputs(path[size]))
     speed = f"v.{residual.joint}"
     fast = float(np.percentile(np.abs(residual.series(speed)), 90)) if speed in residual.inputs else 1.0
-    needed = [_measured(residual, name) for name in inputs if not is_frequency(name)]
+    needed = [_simulator_input(residual, name) for name in inputs if not is_frequency(name)]
     # Inputs of a filter are named in its expression.
     needed += [name for name in residual.inputs if name not in needed and any(repr(name) in state for state in states)]
     bands = residual.ranges(tuple(name for name in inputs if is_frequency(name)))
@@ -264,7 +265,7 @@ def model_of(residual: JointResidual, choice: Choice, *, lawful: bool) -> Residu
         states,
         residual.ranges(tuple(needed)),
         predicted,
-        lawful,
+        contains_law,
         _SLOW * fast,
         bands,
     )
@@ -277,14 +278,14 @@ def residual_terms(
 
     Args:
         residual: Residual of the joint, with the names of the joints.
-        terms: Text and coefficient of each.
+        terms: Text and coefficient of each term.
     """
     states: list[str] = []
     out = tuple(ModelTerm(text, _code(residual, text, states), coefficient) for text, coefficient in terms)
     return out, tuple(states)
 
 
-def _measured(residual: JointResidual, name: str) -> str:
+def _simulator_input(residual: JointResidual, name: str) -> str:
     """Name of the input that a simulator has: the position in place of the displacement since the last reversal."""
     return name.replace("dx.", "q.", 1) if name == f"dx.{residual.joint}" else name
 

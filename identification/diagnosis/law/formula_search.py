@@ -15,7 +15,7 @@ from identification.diagnosis.law.joint_residual import JointResidual
 from identification.diagnosis.law.library import LibraryTerm, library
 from identification.engine.chance import shuffled_pieces
 from identification.engine.numerics.bounded import bounded_solve
-from identification.engine.products.block_products import BlockProducts, NuisancePrior, Products, block_products
+from identification.engine.products.block_products import BlockProducts, NuisancePrior, SummedProducts, block_products
 from identification.engine.resampling import REPEATED_CHOICES, block_counts
 from identification.engine.search.stepwise import Chosen, Terms, extended, gains, residual_squares, stepwise
 from identification.gates import above_chance
@@ -79,9 +79,9 @@ class Choice:
         columns: Columns of the library.
         chosen: Terms of the formula, empty if no formula gains more than chance.
         held_out: Squared residual of each block with formulas that were chosen and fitted on other folds, ``(B,)``.
-        before: Squared residual of each block without a formula, ``(B,)``.
+        before: Squared residual of each block without a law, ``(B,)``.
         votes: Share of the bootstrap replicates that choose each kind of term.
-        same: Share of the replicates that choose the same kinds of terms as the formula.
+        same_kinds: Share of the replicates that choose the same kinds of terms as the formula.
         input_votes: Share of the replicates whose choice depends on each input.
     """
 
@@ -90,7 +90,7 @@ class Choice:
     held_out: Float[Array, " B"]
     before: Float[Array, " B"]
     votes: dict[str, float]
-    same: float
+    same_kinds: float
     input_votes: dict[str, float]
 
 
@@ -116,7 +116,7 @@ def columns_of(residual: JointResidual, *, memory: bool = True) -> LibraryColumn
 
 
 def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -> tuple[JointResidual, LibraryColumns]:
-    """Residual and columns with a prior that holds nuisances at the bounds that they reach in a fit of the best terms.
+    """Residual and columns with a prior that holds some nuisances at their bounds: those at a bound in the best fit.
 
     The other nuisances are free within their prior. So every later fit is one linear solution without bounds. If a
     chosen term makes the same torque as a held nuisance, the nuisance may be inside its bounds in the next round, and
@@ -143,7 +143,7 @@ def with_nuisances_at_bounds(residual: JointResidual, columns: LibraryColumns) -
 
 
 def _prior_holding(residual: JointResidual, held: Float[Array, " F"], squared: Float[Array, " F"]) -> NuisancePrior:
-    """The prior with a standard deviation around the bound of each held nuisance so small that no fit changes it.
+    """The prior that holds some nuisances: its standard deviation at their bound is so small that no fit changes them.
 
     Args:
         residual: Residual of the joint, with prior and bounds.
@@ -156,7 +156,7 @@ def _prior_holding(residual: JointResidual, held: Float[Array, " F"], squared: F
 
 
 def _fitted_within_bounds(
-    residual: JointResidual, columns: LibraryColumns, products: Products, at: list[int]
+    residual: JointResidual, columns: LibraryColumns, products: SummedProducts, at: list[int]
 ) -> Float[Array, " k"]:
     """Coefficients of some columns of terms, followed by those of the nuisance columns within their bounds."""
     every = [*at, *columns.nuisances]
@@ -235,9 +235,9 @@ def held_out_losses(
 
 
 def best_size(loss: Float[Array, "m B"]) -> int:
-    """The smallest number of terms whose loss is nearly the best one.
+    """The smallest number of terms whose loss is nearly the smallest one.
 
-    It may exceed the best loss by its standard error over blocks, or by a share `_WORTH` of the gain of all terms.
+    It may exceed the smallest loss by its standard error over blocks, or by a share `_WORTH` of the gain of all terms.
     """
     total = loss.sum(axis=1)
     best = int(np.argmin(total))
@@ -282,7 +282,7 @@ def gain_by_chance(residual: JointResidual, columns: LibraryColumns, remaining: 
     out = []
     for _ in range(_PERMUTATIONS):
         mixed = shuffled_pieces(pieces, rng)
-        products = prior.eliminate_from(Products(gram, mixed @ x, float(mixed @ mixed)))
+        products = prior.eliminate_from(SummedProducts(gram, mixed @ x, float(mixed @ mixed)))
         out.append(gains(columns.terms, products, ()).max())
     return float(np.quantile(out, above_chance.CLAIM_LEVEL))
 
@@ -290,9 +290,11 @@ def gain_by_chance(residual: JointResidual, columns: LibraryColumns, remaining: 
 def _votes_of_replicates(
     residual: JointResidual, columns: LibraryColumns, chosen: Chosen
 ) -> tuple[dict[str, float], float, dict[str, float]]:
-    """Shares of the bootstrap replicates over blocks that choose each kind of term, the same kinds, and each input.
+    """Shares of the bootstrap replicates over blocks that agree with each choice of a formula.
 
-    The middle number is the share that chooses exactly the kinds of the terms ``chosen``.
+    Returns:
+        The share that chooses each kind of term, the share that chooses exactly the kinds of the terms ``chosen``, and
+        the share whose choice depends on each input.
     """
     if not chosen:
         return {}, 0.0, {}

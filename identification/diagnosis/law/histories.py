@@ -14,7 +14,7 @@ def bristle(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
     """State of a bristle between -1 and 1: ``dz/dx = (1 - z sign(dx)) / reach``, from rest at the start.
 
     Args:
-        x: Path.
+        x: Positions [rad or m].
         reach: Displacement over which the bristle bends, in the unit of ``x``.
     """
     return _along(x, lambda start, direction, moved: direction + (start - direction) * np.exp(-moved / reach))
@@ -24,7 +24,7 @@ def slip(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
     """State of an elastic element that slides at -1 and 1, from rest at the start.
 
     Args:
-        x: Path.
+        x: Positions [rad or m].
         reach: Displacement from rest at which the element begins to slide, in the unit of ``x``.
     """
     return _along(x, lambda start, direction, moved: np.clip(start + direction * moved / reach, -1.0, 1.0))
@@ -34,7 +34,7 @@ def _along(x: Float[Array, " N"], law: Callable[[float, float, Array], Array]) -
     """A state along a path, piece by piece between its reversals.
 
     Args:
-        x: Path.
+        x: Positions [rad or m].
         law: Gives the states within a piece from the state at its start, its direction, and the distances from there.
     """
     direction = np.sign(np.diff(x, prepend=x[:1]))

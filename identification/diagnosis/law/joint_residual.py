@@ -2,8 +2,8 @@
 
 A law is a formula that predicts this residual from inputs, such as positions, torques or the time. The judged band has
 the low frequencies in which the residual is judged. The fit of the diagnosis lacks the law, so its changes within the
-tolerances and its sizes of findings are biased. Every fit of a law therefore fits these again (nuisances), by their
-columns on the joint of the law. Their prior includes the torques of the other joints.
+tolerances and its sizes of findings are biased. So every fit of a law also fits these nuisances again, by their columns
+on the joint of the law. Their prior includes what the torques of the other joints say about them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from identification.diagnosis.columns.session import Series
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
+from identification.diagnosis.input_names import frequency_of, input_of, is_frequency
 from identification.diagnosis.judge.findings.bench import Shown
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import NuisancePrior
@@ -40,7 +40,7 @@ _SAME_TORQUE = 0.99  # if its correlation with the transmitted torque is higher,
 
 @dataclass(frozen=True)
 class ResidualLog:
-    """One recording.
+    """One recording: the residual of one joint, and the inputs on which it may depend.
 
     Attributes:
         t: Time since its start at the full rate [s], ``(N,)``.
@@ -73,7 +73,7 @@ class ResidualLog:
         """Time between two samples at the full rate [s]."""
         return float(self.t[1] - self.t[0])
 
-    def now(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+    def unfiltered(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
         """Kept samples of a series, unfiltered."""
         return x[self.band.samples(len(x))][self.kept]
 
@@ -127,8 +127,8 @@ class JointResidual:
         outside = np.flatnonzero(self.folds < 0)
         return outside if len(outside) else np.arange(len(self.folds))
 
-    def draws(self, stream: str) -> Float[Array, "R B"]:
-        """Weight of each block: first in the fit to all blocks that fits may use, then in each bootstrap replicate.
+    def block_weights(self, stream: str) -> Float[Array, "R B"]:
+        """Weight of each block in the fit to all blocks that fits may use, then in each bootstrap replicate.
 
         Args:
             stream: Name of the random stream.
@@ -141,14 +141,14 @@ class JointResidual:
 
     def series(self, name: str) -> Float[Array, " n"]:
         """An input at all kept samples."""
-        return np.concatenate([log.now(log.inputs[name]) for log in self.logs])
+        return np.concatenate([log.unfiltered(log.inputs[name]) for log in self.logs])
 
     def ranges(self, names: tuple[str, ...]) -> dict[str, tuple[float, float]]:
         """Smallest and largest value of some inputs in used samples; for a frequency, those at which it has power."""
         used = self.weight > 0
         out = {}
         for name in names:
-            values = self.frequencies(base_of(name)) if is_frequency(name) else self.series(name)[used]
+            values = self.frequencies(input_of(name)) if is_frequency(name) else self.series(name)[used]
             out[name] = (float(values.min()), float(values.max()))
         return out
 
@@ -184,7 +184,7 @@ def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Joi
 
     Args:
         shown: The effects that are shown.
-        joint: The joint.
+        joint: Name of the joint.
         floors: Noise floor of each joint.
     """
     problem = shown.problem

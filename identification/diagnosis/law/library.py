@@ -1,7 +1,7 @@
-"""Library of the terms that a formula for a residual may have, each with its text, inputs and unit of its coefficient.
+"""Library of the terms that a formula for a residual may have: text, inputs, and unit of the coefficient of each.
 
-Effects of the catalogue state their own terms (`Effect.formula`), as a formula may need them beside others. The terms
-listed here are those that no effect has. If an effect states the same term, that of the effect is used.
+Effects of the catalogue state their own terms (`Effect.formula`), which a formula may combine with others. This module
+adds the terms that no effect has. If an effect states the same term, the term of the effect is used.
 
 Parameters inside a term (a speed, a position, a time) take values from a grid over the range of the recording. The grid
 does not depend on the residual, so that no held-out block influences it.
@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.diagnosis.input_names import base_of, frequency_of, supply_loads
+from identification.diagnosis.input_names import frequency_of, input_of, supply_loads
 from identification.diagnosis.law.histories import bristle, slip
 from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 from identification.diagnosis.law.responses import delayed, lagged, resonator
@@ -132,41 +132,41 @@ class _JointInputs:
 def library(residual: JointResidual, *, memory: bool = True) -> tuple[LibraryTerm, ...]:
     """All terms that the recordings allow, with or without linear responses with memory."""
     joint = _JointInputs(residual, residual.joint)
-    out = [*_of_effects(joint, "")]
+    out = [*_effect_terms(joint, "")]
     if joint.has("v") and joint.has("q"):
-        out += [*_friction(joint), *_place(joint), *_memory(joint), *_drift(joint)]
-        out += _dynamic_motion(joint) if memory else ()
-    out += _dynamic_torque(joint) if memory else ()
+        out += [*_friction_terms(joint), *_position_terms(joint), *_memory_terms(joint), *_drift_terms(joint)]
+        out += _motion_response_terms(joint) if memory else ()
+    out += _torque_response_terms(joint) if memory else ()
     if joint.has("tl"):
-        out += _load(joint)
+        out += _load_terms(joint)
     if joint.has("temp"):
-        out += _heat(joint)
-    out += _supply(joint)
+        out += _heat_terms(joint)
+    out += _supply_terms(joint)
     for other in residual.others:
-        out += _other(joint, _JointInputs(residual, other))
+        out += _other_joint_terms(joint, _JointInputs(residual, other))
     of_effects = [term for terms in joint.of_effects.values() for term in terms]
     # Terms of effects appear twice in these lists, and a term of this module may have the same text as an effect's. Of
     # terms with the same text only one is kept: that of the effect, if there is one.
     own = {term.texts: term for term in of_effects}
     known = {term.texts: own.get(term.texts, term) for term in (*out, *of_effects)}
-    return tuple(term for term in known.values() if {base_of(name) for name in term.inputs} <= set(residual.inputs))
+    return tuple(term for term in known.values() if {input_of(name) for name in term.inputs} <= set(residual.inputs))
 
 
-def _of_effects(joint: _JointInputs, inputs: str) -> list[LibraryTerm]:
+def _effect_terms(joint: _JointInputs, inputs: str) -> list[LibraryTerm]:
     """Terms of given inputs that effects of the catalogue state."""
     return joint.of_effects.get(frozenset(inputs.split()), [])
 
 
-def _raised(text: str, power: int) -> str:
+def _power_text(text: str, power: int) -> str:
     """Text of a power."""
     return text if power == 1 else f"{text}^{power}"
 
 
-def _friction(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _friction_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Terms of friction that depends on the velocity alone."""
     v = joint.get("v")
     fast = float(np.percentile(np.abs(joint.values("v")), 90))
-    yield from _of_effects(joint, "v")
+    yield from _effect_terms(joint, "v")
     yield joint.term("drag", "v", "v*|v|", f"{joint.speed}^2", lambda log: v(log) * np.abs(v(log)))
     for share in _SPEEDS:
         vs = rounded(share * fast)
@@ -176,7 +176,7 @@ def _friction(joint: _JointInputs) -> Iterator[LibraryTerm]:
         )  # fmt: skip
 
 
-def _place(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _position_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Terms of the position alone, and of friction that depends on it."""
     q, v = joint.get("q"), joint.get("v")
     low, high = (float(x) for x in np.percentile(joint.values("q"), [1, 99]))
@@ -187,11 +187,11 @@ def _place(joint: _JointInputs) -> Iterator[LibraryTerm]:
 
     d = less("q", middle)
     for power, kind in ((1, ""), (2, "uneven spring"), (3, "hardening spring")):
-        text, per = _raised(d, power), _raised(joint.angle, power)
+        text, per = _power_text(d, power), _power_text(joint.angle, power)
         if kind:
             yield joint.term(kind, "q", text, per, lambda log, p=power: x(log) ** p)
         else:
-            yield from _of_effects(joint, "q")
+            yield from _effect_terms(joint, "q")
         yield joint.term(
             "friction over position", "q v", f"{text}*sign(v)", per, lambda log, p=power: x(log) ** p * np.sign(v(log))
         )
@@ -204,7 +204,7 @@ def _place(joint: _JointInputs) -> Iterator[LibraryTerm]:
         for side, text in ((1.0, f"max({less('q', place)}, 0)"), (-1.0, f"max(-{less('q', place)}, 0)")):
             for power in (1, 2, 3):
                 yield joint.term(
-                    "one-sided spring", "q", _raised(text, power), _raised(joint.angle, power),
+                    "one-sided spring", "q", _power_text(text, power), _power_text(joint.angle, power),
                     lambda log, c=place, s=side, p=power: np.maximum(s * (q(log) - c), 0.0) ** p,
                 )  # fmt: skip
         for share_wide in (0.12, 0.25):
@@ -215,12 +215,12 @@ def _place(joint: _JointInputs) -> Iterator[LibraryTerm]:
             )  # fmt: skip
     for turns in _TURNS:
         n = rounded(2 * np.pi * turns / wide)
-        yield _wave(joint, "ripple", "q", n)
+        yield _wave_term(joint, "ripple", "q", n)
         if turns in _FEW_TURNS:
-            yield _wave(joint, "friction over position", "q v", n, "sign(v)", lambda log: np.sign(v(log)))
+            yield _wave_term(joint, "friction over position", "q v", n, "sign(v)", lambda log: np.sign(v(log)))
 
 
-def _wave(
+def _wave_term(
     joint: _JointInputs, kind: str, inputs: str, order: float, factor: str = "", by: Column | None = None, per: str = ""
 ) -> LibraryTerm:
     """A term of sine and cosine of ``order`` times the position, both multiplied by an input ``by`` if there is one."""
@@ -235,7 +235,7 @@ def _wave(
     return LibraryTerm(kind, joint.names(*inputs.split()), texts, per, columns)
 
 
-def _memory(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _memory_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Friction with memory: functions of the displacement since the last reversal."""
     q, tl = joint.get("q"), joint.get("tl")
     wide = float(np.ptp(np.percentile(joint.values("q"), [1, 99])))
@@ -251,7 +251,7 @@ def _memory(joint: _JointInputs) -> Iterator[LibraryTerm]:
                 )  # fmt: skip
 
 
-def _drift(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _drift_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Terms that change with time: offset, dry friction, damping and gain."""
     t, v = joint.get("t"), joint.get("v")
     last = float(joint.values("t").max())
@@ -286,7 +286,7 @@ def _frequencies(joint: _JointInputs, count: int) -> list[float]:
     return [rounded(hz) for hz in np.geomspace(slowest, _FASTEST * joint.residual.logs[0].cutoff_hz, count)]
 
 
-def _dynamic_motion(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _motion_response_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Linear responses to the motion with memory: a spring in series with a damper, and a mass on a spring.
 
     Together with the terms of a spring and a damper, which have no memory, they also cover responses of first and
@@ -311,7 +311,7 @@ def _dynamic_motion(joint: _JointInputs) -> Iterator[LibraryTerm]:
             )  # fmt: skip
 
 
-def _dynamic_torque(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _torque_response_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Change of the torque by a low pass or a delay."""
     symbol = next((symbol for symbol in ("tl", "tau") if joint.has(symbol)), None)
     if symbol is None:
@@ -329,32 +329,32 @@ def _dynamic_torque(joint: _JointInputs) -> Iterator[LibraryTerm]:
         yield LibraryTerm("late response to the torque", named, (f"({text} - {symbol})",), joint.residual.unit, column)
 
 
-def _load(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _load_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Terms of the transmitted torque, and of friction and ripple that grow with it."""
     tl, v, unit = joint.get("tl"), joint.get("v"), joint.residual.unit
     wide = float(np.ptp(np.percentile(joint.values("q"), [1, 99]))) if joint.has("q") else 0.0
-    yield from _of_effects(joint, "tl")
+    yield from _effect_terms(joint, "tl")
     yield joint.term("one-sided gain", "tl", "|tl|", unit, lambda log: np.abs(tl(log)))
     yield joint.term("gain that changes with load", "tl", "tl*|tl|", f"{unit}^2", lambda log: tl(log) * np.abs(tl(log)))
-    yield from _of_effects(joint, "tl v")
+    yield from _effect_terms(joint, "tl v")
     yield joint.term(
         "friction that grows with load", "tl v", "tl^2*sign(v)", f"{unit}^2", lambda log: tl(log) ** 2 * np.sign(v(log))
     )
     for turns in _TURNS if wide > 0.0 else ():
         n = rounded(2 * np.pi * turns / wide)
-        yield _wave(joint, "ripple that grows with torque", "q tl", n, "tl", tl, unit)
+        yield _wave_term(joint, "ripple that grows with torque", "q tl", n, "tl", tl, unit)
 
 
-def _heat(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _heat_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Terms of the temperature, and of friction that changes with it."""
     temp, middle = joint.get("temp"), joint.middle("temp")
     yield joint.term(
         "offset that changes with temperature", "temp", less("temp", middle), "°C", lambda log: temp(log) - middle
     )
-    yield from _of_effects(joint, "temp v")
+    yield from _effect_terms(joint, "temp v")
 
 
-def _supply(joint: _JointInputs) -> Iterator[LibraryTerm]:
+def _supply_terms(joint: _JointInputs) -> Iterator[LibraryTerm]:
     """Terms of voltage sag: a drive gives less torque if the load of all drives is larger."""
     loads = supply_loads(joint.residual.inputs, joint.name)
     if not loads:
@@ -371,7 +371,7 @@ def _supply(joint: _JointInputs) -> Iterator[LibraryTerm]:
         yield LibraryTerm("voltage sag", frozenset(loads), (text,), joint.residual.unit, (sag,))
 
 
-def _other(joint: _JointInputs, other: _JointInputs) -> Iterator[LibraryTerm]:
+def _other_joint_terms(joint: _JointInputs, other: _JointInputs) -> Iterator[LibraryTerm]:
     """Terms of the motion and torque of another joint."""
     name, q, v, own_q = other.name, other.get("q"), other.get("v"), joint.get("q")
     if not (other.has("q") and other.has("v")):

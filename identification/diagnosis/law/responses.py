@@ -18,9 +18,9 @@ def resonator(x: Float[Array, " N"], dt: float, hz: float, damping: float) -> Fl
     The input is constant between samples (zero-order hold), so the result is exact.
 
     Args:
-        x: Samples.
+        x: Input of the filter.
         dt: Sampling time [s].
-        hz: Frequency ``w / 2 pi``.
+        hz: Frequency ``w / 2 pi`` [Hz].
         damping: Ratio ``d``, below 1.
     """
     w = 2 * np.pi * hz
@@ -42,9 +42,9 @@ def laguerre(x: Float[Array, " N"], dt: float, hz: float, order: int) -> Float[A
     """A series after a first-order low pass, and after the low pass and 1 to ``order - 1`` all-passes of its corner.
 
     Args:
-        x: Samples.
+        x: Input of the filter.
         dt: Sampling time [s].
-        hz: Corner frequency.
+        hz: Corner frequency [Hz].
         order: Number of series.
     """
     pole = float(np.exp(-2 * np.pi * hz * dt))

@@ -4,7 +4,7 @@ A function is a table with linear interpolation between its nodes (hat functions
 fitted by ridge regression together with tolerance parameters and findings. The share that it predicts is its gain; for
 a linear response, gain also has its usual meaning, the ratio of amplitudes at a frequency. The gain by chance is the
 largest gain of all inputs on residuals whose blocks are permuted, with random signs. Each block keeps its spectrum and
-its slow drifts. The input time can fit such drifts by chance, so the gain by chance includes this.
+its slow drifts. A function of the time can fit such drifts by chance, and the gain by chance accounts for that.
 
 The residual may also be a linear response to motion or torque with memory, whose gain and phase change with the
 frequency. Such a response is tried like an input, under the name of a frequency. It is the sum of the input and of the
@@ -19,7 +19,7 @@ from itertools import combinations
 
 import numpy as np
 
-from identification.diagnosis.input_names import base_of, frequency_of, is_frequency
+from identification.diagnosis.input_names import frequency_of, input_of, is_frequency
 from identification.diagnosis.law.joint_residual import JointResidual, ResidualLog
 from identification.diagnosis.law.responses import laguerre, laguerre_gains
 from identification.diagnosis.residual_law import FrequencyResponse, InputCurve, InputGain, Pair
@@ -35,7 +35,7 @@ _RIDGE = 3e-3  # strength of the ridge, as a share of the samples per node
 _DRAWS = 60  # permutations of the blocks
 _CHANCE = 0.95  # quantile, over these permutations, of the largest gain
 _PAIRS = 6  # largest number of pairs that are listed
-_CURVE = 25  # points of a curve
+_CURVE = 25  # number of points of a curve
 # A response with memory is named only if it predicts more of the squared residual than the best function without
 # memory, by at least this share.
 _CLEARLY = 0.03
@@ -69,18 +69,18 @@ class Gains:
         listed: Those that the report lists, the largest first.
         frequency: Name of the input whose response with memory predicts the residual clearly better than every function
             without memory; None if there is none.
-        left: Squared residual of each block after that response, ``(B,)``; infinite without one.
+        after_response: Squared residual of each block after that response, ``(B,)``; infinite without one.
         judged: Blocks on which gains are compared, ``(b,)``.
     """
 
     listed: tuple[InputGain, ...]
     frequency: str | None
-    left: Float[Array, " B"]
+    after_response: Float[Array, " B"]
     judged: Array
 
     def clearly_less(self, other: Float[Array, " B"]) -> bool:
         """True if the response has clearly smaller squared residuals than another fit, given for each block."""
-        return self.frequency is not None and _clearly(other - self.left, self.judged, other.sum())
+        return self.frequency is not None and _clearly(other - self.after_response, self.judged, other.sum())
 
 
 def input_gains(residual: JointResidual) -> Gains:
@@ -122,14 +122,14 @@ def input_gains(residual: JointResidual) -> Gains:
     listed = sorted(gains, key=lambda one: -one.gain)
     # The best response with memory counts if it gains more than chance, and clearly more than all without memory.
     first = next((one for one in listed if one.inputs in dynamic), None)
-    frequency, left = None, np.full(len(residual.folds), np.inf)
+    frequency, after_response = None, np.full(len(residual.folds), np.inf)
     if first is not None and first.gain > first.chance and first.interval[0] > 0.0:
         own = shown[first.inputs][:, 0]
         static = [*single.values(), *pairs.values(), decrease_by_response(linear_columns(residual))]
         best_static = max((decrease[:, 0] for decrease in static), key=lambda decrease: decrease[judged].sum())
         if _clearly(own - best_static, judged, plain[judged, 0].sum()):
-            frequency, left = first.inputs[0], plain[:, 0] - own
-    return Gains(tuple(listed), frequency, left, judged)
+            frequency, after_response = first.inputs[0], plain[:, 0] - own
+    return Gains(tuple(listed), frequency, after_response, judged)
 
 
 def _clearly(decrease: Float[Array, " B"], judged: Array, whole: float) -> bool:
@@ -230,7 +230,7 @@ def _table(residual: JointResidual, name: str) -> Float[Array, "n m"]:
 
 
 def input_curves(residual: JointResidual, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
-    """Torque on the joint over each of some inputs, fitted together with the model, with bands from block bootstrap.
+    """Torque on the joint over each given input, fitted together with the model, with bands from block bootstrap.
 
     Where the speed or the displacement since a reversal is among the inputs, each direction has its own curve.
     """
@@ -244,8 +244,8 @@ def input_curves(residual: JointResidual, inputs: tuple[str, ...]) -> tuple[Inpu
 
 
 def frequency_responses(residual: JointResidual, inputs: tuple[str, ...]) -> tuple[FrequencyResponse, ...]:
-    """Gain and phase over the frequency for each frequency among some inputs, fitted together with the model."""
-    return tuple(_frequency_response(residual, base_of(name)) for name in inputs if is_frequency(name))
+    """Gain and phase over the frequency, for each frequency among the given inputs, fitted together with the model."""
+    return tuple(_frequency_response(residual, input_of(name)) for name in inputs if is_frequency(name))
 
 
 def _frequency_response(residual: JointResidual, name: str) -> FrequencyResponse:
@@ -291,7 +291,7 @@ def _curves_over(residual: JointResidual, name: str, *, by_direction: bool) -> l
 
 
 def _coefficients(residual: JointResidual, columns: Float[Array, "n C"], ridge_divisor: int) -> Float[Array, "D k"]:
-    """Coefficients of columns, fitted together with the nuisances: first on all blocks, then on each bootstrap draw.
+    """Coefficients of columns, fitted together with the nuisances: on all blocks, then on each bootstrap draw.
 
     Args:
         residual: Residual of the joint.
@@ -305,7 +305,7 @@ def _coefficients(residual: JointResidual, columns: Float[Array, "n C"], ridge_d
     prior[np.arange(count), np.arange(count)] = _RIDGE * float(residual.weight.sum()) / ridge_divisor
     pull = np.concatenate([np.zeros(count), residual.prior.right])
     products = block_products(columns, residual.y, residual.weight, residual.blocks, len(residual.folds))
-    return products.of_draws(residual.draws("blocks of a curve"), prior, pull)[:, :count]
+    return products.of_draws(residual.block_weights("blocks of a curve"), prior, pull)[:, :count]
 
 
 def _unit(residual: JointResidual, name: str) -> str:

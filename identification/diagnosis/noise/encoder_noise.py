@@ -15,8 +15,8 @@ import numpy as np
 
 from identification.data.derivatives import differentiate, position_edges
 from identification.data.log import Log
-from identification.diagnosis.columns.operations import operate
-from identification.diagnosis.columns.own_effects import Differences
+from identification.diagnosis.columns.one_recording_effects import Differences
+from identification.diagnosis.columns.operations import operation_of
 from identification.diagnosis.columns.residual_columns import Columns, columns_by_log
 from identification.diagnosis.columns.session import Series, Session
 from identification.diagnosis.fit.fitting import fit
@@ -157,7 +157,7 @@ def simulated_recordings(session: Session, columns: Columns, steps: tuple[float 
     simulated = replace(session, logs=logs, differences=differences)
     # The measured torque is the model's torque for the true motion; the modelled torque is computed from the readings.
     residual = [
-        log.band(log.tau - operate(operation.robot, log, session.known, k, session.cutoff_hz).tau)
+        log.band(log.tau - operation_of(operation.robot, log, session.known, k, session.cutoff_hz).tau)
         for k, (log, operation) in enumerate(zip(logs, columns.operations, strict=True))
     ]
     return SimulatedRecordings(simulated, tuple(residual))

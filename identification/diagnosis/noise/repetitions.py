@@ -11,7 +11,7 @@ from scipy.fft import next_fast_len
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.columns.own_effects import ALIKE
+from identification.diagnosis.columns.one_recording_effects import NO_DIFFERENCES
 from identification.diagnosis.columns.session import Series, Session
 from identification.engine.autocorrelation import autocorrelation_time
 from phantom_dyn.array_types import Array, Bool, Float
@@ -79,7 +79,7 @@ def repetition_noise(
 def _noise_of_loose_repetitions(session: Session, residual: Series, counts: Series) -> list[RepetitionNoise | None]:
     """Noise of each joint from recordings whose motions agree to some per cent; None for a joint with too few."""
     rows, logs = len(session.robot.joint_names), session.logs
-    if session.differences != ALIKE:
+    if session.differences != NO_DIFFERENCES:
         return [None] * rows
     differences: list[list[tuple[Array, Array]]] = [[] for _ in range(rows)]
     of_model = np.zeros(rows)
@@ -165,7 +165,7 @@ def repetitions(session: Session) -> list[tuple[int, int, int]]:
     found = []
     for (first, log), (second, other) in combinations_with_replacement(enumerate(session.logs), 2):
         same_rate = np.isclose(log.band.output_rate_hz, other.band.output_rate_hz)
-        if first == second or (session.differences == ALIKE and same_rate):
+        if first == second or (session.differences == NO_DIFFERENCES and same_rate):
             found += [(first, second, lag) for lag in _lags(log, other, same_recording=first == second)]
     return found
 

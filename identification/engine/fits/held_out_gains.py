@@ -31,29 +31,30 @@ def gains_on_residuals(
     """
     nuisances = problem.fitted_nuisances
     right = b.sum(axis=0)
-    alike = [(which, columns, _squares(problem, columns)) for which, columns in _by_size(sets)]
+    by_size = [(which, columns, _squares(problem, columns)) for which, columns in _by_size(sets)]
     gains = np.zeros((len(sets), b.shape[2]))
     *folds, whole = fold_projections(problem)
-    for fold, part in enumerate(folds):
-        products, held = right - b[fold], core_b[fold]
-        # Coefficients of the nuisances alone.
-        base = solve(part.inner, products[nuisances])
-        # Now both become products of the columns projected off the nuisances, `held` with the residual of this fit.
-        products = products - part.made.T @ products[nuisances]
-        inside, across = part.core
-        held = held - part.made.T @ held[nuisances] - (across.T - part.made.T @ inside) @ base
-        for which, columns, (total, less, core) in alike:
-            x = solve_each(part.training(columns, total - less[fold]), products[columns])
-            gains[which] += (x * (2 * held[columns] - part.held_out(columns, core[fold]) @ x)).sum(axis=1)
+    for fold, projection in enumerate(folds):
+        training_b, held_out_b = right - b[fold], core_b[fold]
+        nuisance_x = solve(projection.inner, training_b[nuisances])
+        # Both become products of the columns projected off the nuisances; those of the cores with the residual of this
+        # fit of the nuisances.
+        coefficients, (inside, across) = projection.coefficients, projection.core
+        training_b = training_b - coefficients.T @ training_b[nuisances]
+        held_out_b = held_out_b - coefficients.T @ held_out_b[nuisances]
+        held_out_b = held_out_b - (across.T - coefficients.T @ inside) @ nuisance_x
+        for which, columns, (total, less, core) in by_size:
+            x = solve_each(projection.training(columns, total - less[fold]), training_b[columns])
+            gains[which] += (x * (2 * held_out_b[columns] - projection.held_out(columns, core[fold]) @ x)).sum(axis=1)
     # A set of columns also changes the prior penalty of the nuisances: the decrease is part of the gain.
-    base = solve(whole.inner, right[nuisances])
-    products = right - whole.made.T @ right[nuisances]
-    weighted = problem.precision[nuisances, None] * whole.made
-    penalty_slope = weighted.T @ base
-    for which, columns, (total, _, _) in alike:
-        made, own_weighted = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.made, weighted))
-        x = solve_each(whole.training(columns, total), products[columns])
-        gains[which] += (x * (2 * penalty_slope[columns] - (own_weighted.mT @ made) @ x)).sum(axis=1)
+    nuisance_x = solve(whole.inner, right[nuisances])
+    whole_b = right - whole.coefficients.T @ right[nuisances]
+    weighted = problem.precision[nuisances, None] * whole.coefficients
+    penalty_slope = weighted.T @ nuisance_x
+    for which, columns, (total, _, _) in by_size:
+        own, own_weighted = (rows[:, columns].transpose(1, 0, 2) for rows in (whole.coefficients, weighted))
+        x = solve_each(whole.training(columns, total), whole_b[columns])
+        gains[which] += (x * (2 * penalty_slope[columns] - (own_weighted.mT @ own) @ x)).sum(axis=1)
     return gains
 
 

@@ -258,8 +258,8 @@ def _losses(solved: SolvedSet, new: Int[Array, " m"], x: Float[Array, "G v"]) ->
         x: Coefficients without each fold and last of the fit to all blocks, the new columns last.
     """
     grams, n = solved.problem.grams, len(solved.columns)
-    x = x[solved.which]
-    step, entered = x[:, :n] - solved.at, x[:, n:]
+    x = x[solved.fit_of_block]
+    step, entered = x[:, :n] - solved.x_of_block, x[:, n:]
     lines = solved.core_products(new)
     square = grams.core_a.among(new)
     out = solved.losses + 2.0 * np.einsum("bk,bk->b", solved.core_slope, step)

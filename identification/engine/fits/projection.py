@@ -25,13 +25,13 @@ def gains_if_added(
 
     Args:
         problem: The linear problem of the fit.
-        fitted: The fit.
-        sets: Indices of the columns of each rival.
+        fitted: The fit to which the sets are added.
+        sets: Indices of the columns of each set.
     """
     inside = frozenset(fitted.active.tolist())
     added = {columns: tuple(k for k in columns if k not in inside) for columns in sets}
     wanted = np.array(sorted({k for own in added.values() for k in own}), dtype=int)
-    cross, made, gradient = project_off_fit(problem, fitted, wanted)
+    cross, coefficients, gradient = project_off_fit(problem, fitted, wanted)
     a = problem.total_a
     gains = dict.fromkeys(added, 0.0)
     for size in {len(own) for own in added.values()} - {0}:
@@ -39,7 +39,7 @@ def gains_if_added(
         same_size = [columns for columns, own in added.items() if len(own) == size]
         own = np.array([added[columns] for columns in same_size])
         at = np.searchsorted(wanted, own)
-        projection = cross[:, at].transpose(1, 2, 0) @ made[:, at].transpose(1, 0, 2)
+        projection = cross[:, at].transpose(1, 2, 0) @ coefficients[:, at].transpose(1, 0, 2)
         projected = a[own[:, :, None], own[:, None, :]] - projection
         projected[:, np.arange(size), np.arange(size)] += problem.precision[own]
         found = gains_within(projected, gradient[at], problem.lower[own], problem.upper[own])
@@ -54,13 +54,13 @@ def project_off_fit(
 
     Args:
         problem: The linear problem of the fit.
-        fitted: The fit.
+        fitted: The fit whose free columns are projected off.
         columns: Indices of the columns to project.
 
     Returns:
         cross: Products of the fit's free columns with the given columns. A column is free if its coefficient is not at
             a bound.
-        made: Coefficients of the projection: those of the free columns for each given column.
+        coefficients: Coefficients of the projection: those of the free columns for each given column.
         gradient: Products of the projected columns with the residual of the fit.
     """
     active, theta = fitted.active, fitted.theta
@@ -68,9 +68,10 @@ def project_off_fit(
     free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
     a = problem.total_a
     cross = a[np.ix_(free, columns)]
-    made = solve(a[np.ix_(free, free)] + np.diag(problem.precision[free]), cross)
+    coefficients = solve(a[np.ix_(free, free)] + np.diag(problem.precision[free]), cross)
     gradient = problem.total_b - a[:, active] @ x
-    return cross, made, gradient[columns] - made.T @ (gradient[free] - problem.precision[free] * theta[free])
+    free_gradient = gradient[free] - problem.precision[free] * theta[free]
+    return cross, coefficients, gradient[columns] - coefficients.T @ free_gradient
 
 
 def gains_within(
@@ -93,22 +94,22 @@ class FoldProjection:
 
     Attributes:
         problem: The linear problem.
-        lines: Training products of the nuisances with all columns, ``(n, K)``.
+        nuisance_products: Training products of the nuisances with all columns, ``(n, K)``.
         core: Products over the held-out samples, the cores of the fold's blocks: among the nuisances, and of the
             nuisances with all columns.
-        made: Coefficients of the projection: those of the nuisances for each column, ``(n, K)``.
+        coefficients: Coefficients of the projection: those of the nuisances for each column, ``(n, K)``.
     """
 
     problem: LinearProblem
-    lines: Float[Array, "n K"]
+    nuisance_products: Float[Array, "n K"]
     core: tuple[Float[Array, "n n"], Float[Array, "n K"]]
-    made: Float[Array, "n K"]
+    coefficients: Float[Array, "n K"]
 
     @property
     def inner(self) -> Float[Array, "n n"]:
         """Training products of the nuisances with priors."""
         nuisances = self.problem.fitted_nuisances
-        return self.lines[:, nuisances] + np.diag(self.problem.precision[nuisances])
+        return self.nuisance_products[:, nuisances] + np.diag(self.problem.precision[nuisances])
 
     def training(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
         """Training products among each group of columns projected off the nuisances, priors included.
@@ -117,8 +118,8 @@ class FoldProjection:
             columns: Indices of the columns of each group.
             square: Training products among the columns of each group, not projected.
         """
-        made, cross = _each(self.made, columns), _each(self.lines, columns)
-        return square - cross.mT @ made + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
+        coefficients, cross = _each(self.coefficients, columns), _each(self.nuisance_products, columns)
+        return square - cross.mT @ coefficients + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
 
     def held_out(self, columns: Int[Array, "g m"], square: Float[Array, "g m m"]) -> Float[Array, "g m m"]:
         """Products over the held-out cores among each group of columns; the training fit gives the projection.
@@ -128,9 +129,9 @@ class FoldProjection:
             square: Products over the held-out cores among the columns of each group, not projected.
         """
         inside, across = self.core
-        made = _each(self.made, columns)
-        mixed = _each(across, columns).mT @ made
-        return square - mixed - mixed.mT + made.mT @ inside @ made
+        coefficients = _each(self.coefficients, columns)
+        mixed = _each(across, columns).mT @ coefficients
+        return square - mixed - mixed.mT + coefficients.mT @ inside @ coefficients
 
 
 def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
@@ -141,9 +142,9 @@ def fold_projections(problem: LinearProblem) -> tuple[FoldProjection, ...]:
     nothing = np.zeros_like(of_folds[0])
     out = []
     for held_out, core in zip((*of_folds, nothing), (*cores, nothing), strict=True):
-        lines = problem.total_a[nuisances] - held_out
-        made = solve(lines[:, nuisances] + np.diag(problem.precision[nuisances]), lines)
-        out.append(FoldProjection(problem, lines, (core[:, nuisances], core), made))
+        nuisance_products = problem.total_a[nuisances] - held_out
+        coefficients = solve(nuisance_products[:, nuisances] + np.diag(problem.precision[nuisances]), nuisance_products)
+        out.append(FoldProjection(problem, nuisance_products, (core[:, nuisances], core), coefficients))
     return tuple(out)
 
 

@@ -86,20 +86,20 @@ class SolvedSet:
         return self.problem.grams.core_a.among(self.columns)
 
     @cached_property
-    def which(self) -> Int[Array, " B"]:
+    def fit_of_block(self) -> Int[Array, " B"]:
         """Index of the fit that predicts each block: that without its fold, or for fold -1 the last, to all blocks."""
         fold = self.problem.grams.fold
         return np.where(fold < 0, len(self.folds), fold)
 
     @cached_property
-    def at(self) -> Float[Array, "B n"]:
+    def x_of_block(self) -> Float[Array, "B n"]:
         """Coefficients of the fit that predicts each block."""
-        return np.stack([one.x * one.scale for one in (*self.folds, self.whole)])[self.which]
+        return np.stack([one.x * one.scale for one in (*self.folds, self.whole)])[self.fit_of_block]
 
     @cached_property
     def core_slope(self) -> Float[Array, "B n"]:
-        """Half the slope of each block's loss at the coefficients `at`."""
-        return (self.core @ self.at[:, :, None])[:, :, 0] - self.problem.grams.core_b[:, self.columns]
+        """Half the slope of each block's loss at the coefficients `x_of_block`."""
+        return (self.core @ self.x_of_block[:, :, None])[:, :, 0] - self.problem.grams.core_b[:, self.columns]
 
     @cached_property
     def core_diagonal(self) -> Float[Array, " n"]:
@@ -108,9 +108,9 @@ class SolvedSet:
 
     @cached_property
     def losses(self) -> Float[Array, " B"]:
-        """Loss of each block at the coefficients `at`."""
+        """Loss of each block at the coefficients `x_of_block`."""
         grams = self.problem.grams
-        return grams.core_c + np.einsum("bk,bk->b", self.core_slope - grams.core_b[:, self.columns], self.at)
+        return grams.core_c + np.einsum("bk,bk->b", self.core_slope - grams.core_b[:, self.columns], self.x_of_block)
 
     @cached_property
     def held(self) -> Bool[Array, " K"]:

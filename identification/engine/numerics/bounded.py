@@ -70,7 +70,7 @@ def bounded_solve_without(
     upper: Float[Array, " k"],
     near: Float[Array, " k"],
 ) -> Float[Array, "F k"]:
-    """Minima as of `bounded_solve`, one row for each part (fold) that is subtracted from ``a`` and ``b``.
+    """Minima within bounds, one row for each part (fold) that is subtracted from ``a`` and ``b``; see `bounded_solve`.
 
     Args:
         a: Quadratic part, with all parts.

@@ -1,9 +1,9 @@
 """Minimum of a changed quadratic problem for a given set of held unknowns, from the tableau of the solved problem.
 
 A changed problem has further unknowns (the entering ones), or other unknowns that are held. Held unknowns are fixed at
-a value, the others are free. The method is the Schur complement method for quadratic
-programs (Gill, Murray, Saunders and Wright, 1990): the size of the linear system is the number of changes, not that of
-the problem. The code is compiled, because a search solves about a hundred thousand of these systems.
+a value, the others are free. The method is the Schur complement method for quadratic programs (Gill, Murray, Saunders
+and Wright, 1990): the size of the linear system is the number of changes, not that of the problem. The code is
+compiled, because a search solves about a hundred thousand of these systems.
 
 An action on an unknown of the solved problem is a force (a change of the linear part) if the unknown is free there, and
 a shift of its value if it is held there. The state of an unknown is its value if it is free and the slope of the loss

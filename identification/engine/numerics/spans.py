@@ -11,7 +11,7 @@ def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "
     """Orthonormal basis of the span of columns, which are first scaled to unit norm.
 
     Args:
-        matrix: The columns.
+        matrix: Matrix of the columns.
         tolerance: Directions with a singular value below this share of the largest one are left out.
     """
     norms = np.linalg.norm(matrix, axis=0)

@@ -22,7 +22,7 @@ _RANK = 1e-12
 
 
 @dataclass(frozen=True)
-class Products:
+class SummedProducts:
     """Products of columns and residual, summed over some blocks.
 
     Attributes:
@@ -63,7 +63,7 @@ class NuisancePrior:
         """Number of nuisance columns."""
         return len(self.right)
 
-    def eliminate_from(self, products: Products) -> Products:
+    def eliminate_from(self, products: SummedProducts) -> SummedProducts:
         """Products of the other columns with the nuisance columns eliminated (Schur complement)."""
         n = len(products.right) - self.count
         if self.count == 0:
@@ -71,21 +71,23 @@ class NuisancePrior:
         between, normal = products.gram[:n, n:], self._normal(products)
         right = products.right[n:] + self.right
         solution = solve(normal, np.column_stack([between.T, right]))
-        return Products(
+        return SummedProducts(
             products.gram[:n, :n] - between @ solution[:, :-1],
             products.right[:n] - between @ solution[:, -1],
             float(products.total - right @ solution[:, -1]),
         )
 
-    def fitted_with(self, products: Products, columns: list[int], theta: Float[Array, " k"]) -> Float[Array, " F"]:
-        """Coefficients of the nuisance columns, fitted while the other ``columns`` have the coefficients ``theta``."""
+    def fitted_with(
+        self, products: SummedProducts, columns: list[int], theta: Float[Array, " k"]
+    ) -> Float[Array, " F"]:
+        """Coefficients of the nuisance columns in a fit with the coefficients ``theta`` of the other ``columns``."""
         n = len(products.right) - self.count
         if self.count == 0:
             return np.zeros(0)
         right = products.right[n:] + self.right - products.gram[n:, columns] @ theta
         return solve(self._normal(products), right)
 
-    def _normal(self, products: Products) -> Float[Array, "F F"]:
+    def _normal(self, products: SummedProducts) -> Float[Array, "F F"]:
         """Normal matrix of the nuisance columns with their prior."""
         n = len(products.right) - self.count
         return products.gram[n:, n:] + self.precision
@@ -105,21 +107,21 @@ class BlockProducts:
     right: Float[Array, "B C"]
     total: Float[Array, " B"]
 
-    def summed(self, counts: Float[Array, " B"]) -> Products:
+    def summed(self, counts: Float[Array, " B"]) -> SummedProducts:
         """Sum over all blocks, each multiplied by its entry of ``counts``."""
         gram = np.tensordot(counts, self.gram, axes=1)
-        return Products(gram, counts @ self.right, float(counts @ self.total))
+        return SummedProducts(gram, counts @ self.right, float(counts @ self.total))
 
     def of(self, columns: list[int]) -> BlockProducts:
-        """The products of some of the columns."""
+        """Products of the given columns only."""
         at = np.array(columns, dtype=int)
         return BlockProducts(self.gram[:, at[:, None], at], self.right[:, at], self.total)
 
-    def summed_without(self, counts: Float[Array, " B"], prior: NuisancePrior) -> Products:
+    def summed_without(self, counts: Float[Array, " B"], prior: NuisancePrior) -> SummedProducts:
         """Sum over all blocks, each multiplied by its entry of ``counts``, with the nuisance columns eliminated."""
         return prior.eliminate_from(self.summed(counts))
 
-    def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[Products, list[int]]]:
+    def by_fold(self, folds: Int[Array, " B"]) -> Iterator[tuple[SummedProducts, list[int]]]:
         """For each fold, the products of its training blocks and the indices of its held-out blocks.
 
         Args:
@@ -129,9 +131,9 @@ class BlockProducts:
             train = (folds >= 0) & (folds != fold)
             yield self.summed(train.astype(float)), np.flatnonzero(folds == fold).tolist()
 
-    def block(self, k: int) -> Products:
+    def block(self, k: int) -> SummedProducts:
         """Products of one block."""
-        return Products(self.gram[k], self.right[k], float(self.total[k]))
+        return SummedProducts(self.gram[k], self.right[k], float(self.total[k]))
 
     def of_draws(
         self, counts: Float[Array, "D B"], precision: Float[Array, "C C"], right: Float[Array, " C"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Bool, Int
 
-FOLDS = 8  # each fit sees seven eighths of the blocks; every further fold costs a further fit
+FOLDS = 8  # so each fit uses seven eighths of the blocks; every further fold costs a further fit
 
 
 @dataclass(frozen=True)

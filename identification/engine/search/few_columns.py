@@ -39,7 +39,7 @@ class SetFits:
         total: Sum of squares of the residual.
         lower: Least value of each coefficient, ``(p,)``; a set with a smaller coefficient is not allowed.
         upper: Largest value of each coefficient, ``(p,)``.
-        seen: Indices of the columns that are not linear combinations of nuisances.
+        independent: Indices of the columns that are not linear combinations of nuisances.
     """
 
     products: Float[Array, "p p"]
@@ -47,7 +47,7 @@ class SetFits:
     total: float
     lower: Float[Array, " p"]
     upper: Float[Array, " p"]
-    seen: Chosen
+    independent: Chosen
 
     def values(self, chosen: Sequence[int]) -> Float[Array, " k"] | None:
         """Least-squares coefficients of some columns; None if the columns are linearly dependent."""
@@ -74,7 +74,7 @@ def set_fits(
     columns: Float[Array, "m p"],
     residual: Float[Array, " m"],
     bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
-    seen: Bool[Array, " p"],
+    independent: Bool[Array, " p"],
 ) -> SetFits:
     """Products for the fits of all sets of columns.
 
@@ -82,14 +82,14 @@ def set_fits(
         columns: Columns in units of the noise, projected off the nuisances.
         residual: Residual in units of the noise, projected off the nuisances.
         bounds: Least and largest coefficient of each column.
-        seen: False for columns that are linear combinations of nuisances.
+        independent: False for columns that are linear combinations of nuisances.
     """
     return SetFits(
         columns.T @ columns,
         columns.T @ residual,
         float(residual @ residual),
         *bounds,
-        tuple(np.flatnonzero(seen).tolist()),
+        tuple(np.flatnonzero(independent).tolist()),
     )
 
 
@@ -106,8 +106,8 @@ def few_columns(fits: SetFits, price: float) -> Chosen:
     best: tuple[float, Chosen] = (_rounded_cost(fits, (), price), ())
     front: list[Chosen] = [()]
     steps_without_gain = 0
-    for _ in range(min(_MOST, len(fits.seen))):
-        sets = {tuple(sorted((*chosen, k))) for chosen in front for k in fits.seen if k not in chosen}
+    for _ in range(min(_MOST, len(fits.independent))):
+        sets = {tuple(sorted((*chosen, k))) for chosen in front for k in fits.independent if k not in chosen}
         scored = sorted((_rounded_cost(fits, chosen, price), chosen) for chosen in sets)
         scored = [one for one in scored if np.isfinite(one[0])]
         if not scored:
@@ -124,7 +124,7 @@ def few_columns(fits: SetFits, price: float) -> Chosen:
 def _improved_by_exchange(fits: SetFits, chosen: Chosen, price: float) -> Chosen:
     """The set after columns are removed or exchanged as long as this lowers its cost."""
     while chosen:
-        others = [k for k in fits.seen if k not in chosen]
+        others = [k for k in fits.independent if k not in chosen]
         smaller = [tuple(x for x in chosen if x != k) for k in chosen]
         exchanged = [tuple(sorted((*kept, other))) for kept in smaller for other in others]
         value, trial = min((_rounded_cost(fits, trial, price), trial) for trial in [*smaller, *exchanged])
@@ -153,7 +153,7 @@ def rivals_of(fits: SetFits, chosen: Chosen, group: Chosen, near: float) -> list
     out = []
     for removed in group:
         kept = tuple(k for k in group if k != removed)
-        for other in fits.seen:
+        for other in fits.independent:
             trial = tuple(sorted((*kept, other)))
             if other not in chosen and fits.squares((*rest, *trial)) < limit:
                 out.append(trial)

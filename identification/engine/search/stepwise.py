@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.engine.products.block_products import RIDGE, Products
+from identification.engine.products.block_products import RIDGE, SummedProducts
 from phantom_dyn.array_types import Array, Float, Int
 
 Chosen = tuple[int, ...]
@@ -37,7 +37,7 @@ class Terms:
         return list(dict.fromkeys(int(k) for term in chosen for k in (self.first[term], self.second[term])))
 
 
-def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
+def stepwise(terms: Terms, products: SummedProducts, most: int) -> list[Chosen]:
     """The chosen terms for each number of terms from one to ``most``, each after exchanges."""
     out: list[Chosen] = []
     chosen: Chosen = ()
@@ -51,7 +51,7 @@ def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
     return out
 
 
-def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list[Chosen]:
+def extended(terms: Terms, products: SummedProducts, start: Chosen, most: int) -> list[Chosen]:
     """The given terms, followed by sets with one to ``most`` further terms, added without exchanges.
 
     Without given terms the sets are those of `stepwise`.
@@ -68,7 +68,7 @@ def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list
     return out
 
 
-def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
+def _exchanged(terms: Terms, products: SummedProducts, chosen: Chosen) -> Chosen:
     """The chosen terms after exchanges of single terms that lower the sum of squares, in at most three rounds."""
     lowest = residual_squares(terms, products, chosen)
     for _ in range(3 if len(chosen) > 1 else 0):
@@ -85,13 +85,13 @@ def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
     return chosen
 
 
-def residual_squares(terms: Terms, products: Products, chosen: Chosen) -> float:
+def residual_squares(terms: Terms, products: SummedProducts, chosen: Chosen) -> float:
     """Sum of squares of the residual after a least-squares fit of some terms."""
     columns = terms.columns(chosen)
     return products.left(columns, products.fitted(columns)) if columns else products.total
 
 
-def gains(terms: Terms, products: Products, chosen: Chosen) -> Float[Array, " K"]:
+def gains(terms: Terms, products: SummedProducts, chosen: Chosen) -> Float[Array, " K"]:
     """Decrease of the sum of squares by each term in addition to the chosen ones; zero for chosen terms, ``(K,)``."""
     gram, right = products.gram, products.right
     # Of the parts of the columns that are orthogonal to the chosen columns: their squares, their products with the

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag, null_space, solve_triangular
 
+from identification.estimators.consistent.cone_program import Shape, Values, cone_program
 from identification.estimators.consistent.consistent_bodies import PSEUDO, ReferenceBody, pseudo_inertia
-from identification.estimators.consistent.stated_program import Shape, Values, stated
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError
 
@@ -172,7 +172,7 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
         margins=np.tile(program.margin * np.eye(4), (n, 1, 1)),
     )
     shape = Shape(back.shape[1], first, len(least))
-    change, bound_multipliers, body_multipliers, status = stated(shape).solved(values, tolerance)
+    change, bound_multipliers, body_multipliers, status = cone_program(shape).solved(values, tolerance)
     if status not in ("optimal", "optimal_inaccurate"):
         return None, status
     x = start + back @ change

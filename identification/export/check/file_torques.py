@@ -16,7 +16,7 @@ import yaml
 
 from identification.data.log import Log
 from identification.diagnosis.columns.known_geometry import effects_on_torques
-from identification.diagnosis.columns.operations import carrying_known, motion_of, operate, with_known
+from identification.diagnosis.columns.operations import motion_of, operation_of, with_known, with_known_payloads
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted
@@ -130,7 +130,7 @@ def torque_of_model(
 
     def along_log(log: int) -> Array:
         loaded_robot = replay.robot_in(robot, log)
-        operation = operate(loaded_robot, replay.logs[log], (), log, replay.cutoff_hz)
+        operation = operation_of(loaded_robot, replay.logs[log], (), log, replay.cutoff_hz)
         if further_torque is not None:
             tau = operation.tau + further_torque(operation)
             operation = replace(operation, tau=tau, expected=tau)
@@ -187,7 +187,7 @@ def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEf
         known: Effects that the given model already contains.
     """
     with unnamed_file(text.encode(), suffix=".yaml") as path:
-        found = known_effects((path,), carrying_known(robot, known))
+        found = known_effects((path,), with_known_payloads(robot, known))
         adjusted = robot_within_tolerances(robot, read_corrected(path).adjusted)
     return torque_of_model(replay, adjusted, (*known, *effects_on_torques(found)))
 
@@ -295,7 +295,7 @@ def torque_of_residual(replay: Replay, code: str, model: LogTorque, robot: Robot
     row = robot.joint_names.index(names["JOINT"])
 
     def along_log(log: int) -> Array:
-        operation = operate(robot, replay.logs[log], (), log, replay.cutoff_hz)
+        operation = operation_of(robot, replay.logs[log], (), log, replay.cutoff_hz)
         out = np.array(model(log))
         out[:, row] -= _stepped(names["Residual"](), replay.logs[log], operation, robot, row)
         return out

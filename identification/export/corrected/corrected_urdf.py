@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from identification.diagnosis.columns.known_geometry import known_twists, moved_on
+from identification.diagnosis.columns.known_geometry import composed_twists, known_twists
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
@@ -162,7 +162,7 @@ def joint_corrections(
         correction = out.get(finding.joint, JointCorrection(np.zeros(6)))
         if finding.effect == LINK:
             twist = np.array([finding.parameters[x].value if x in finding.parameters else 0.0 for x in PARTS])
-            out[finding.joint] = JointCorrection(moved_on(correction.twist, twist), correction.zero)
+            out[finding.joint] = JointCorrection(composed_twists(correction.twist, twist), correction.zero)
         elif finding.effect == ZERO and finding.joint not in known_zeros:
             out[finding.joint] = JointCorrection(correction.twist, finding.parameters["offset"].value)
     return out

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from identification.diagnosis.columns.known_geometry import OF_POSES
-from identification.diagnosis.columns.operations import carrying_known
+from identification.diagnosis.columns.known_geometry import POSE_EFFECTS
+from identification.diagnosis.columns.operations import with_known_payloads
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from identification.export.corrected.found_effects import findings_in_all_recordings
@@ -257,7 +257,7 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
     for file in files:
         for entry in read_corrected(file).effects:
             # The robot carries the loads of earlier entries, because a later file may remove such a load.
-            out.append(known_effect(entry, carrying_known(robot, out), file))
+            out.append(known_effect(entry, with_known_payloads(robot, out), file))
     return tuple(out)
 
 
@@ -272,7 +272,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     Raises:
         ParameterError: If the effect, its joint or a parameter is unknown, or a parameter is missing.
     """
-    if entry.effect in OF_POSES:
+    if entry.effect in POSE_EFFECTS:
         return _known_by_poses(entry, robot, file)
     try:
         effect = effect_named(entry.effect, robot)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identification.csv_cells import text_cell
-from identification.diagnosis.input_names import base_of
+from identification.diagnosis.input_names import input_of
 from identification.diagnosis.result import Diagnosis
 from identification.export.file_names import RESIDUAL, RESIDUAL_TABLE
 from identification.export.uses.feedforward import loaded
@@ -55,11 +55,11 @@ def _docstring(model: ResidualModel) -> str:
     kind = (
         "It is the law in the report, fitted to the residual of the corrected model. Further terms correct the errors\n"
         "that this model has because it was fitted without the law."
-        if model.lawful
+        if model.contains_law
         else "It is the sum of terms with the smallest error on held-out data, not a law: use it only within its data."
     )
     bands = "".join(
-        f"\nIts response to {base_of(name)!a} has memory, and starts at rest at the first call. It is known from "
+        f"\nIts response to {input_of(name)!a} has memory, and starts at rest at the first call. It is known from "
         f"{number(low)} to {number(high)} Hz."
         for name, (low, high) in model.bands.items()
     )
@@ -146,5 +146,5 @@ def _axes(model: ResidualModel, diagnosis: Diagnosis) -> dict[str, list[float]]:
 
 def residual_note(model: ResidualModel) -> Note:
     """The note in the report that names the two files."""
-    numbers = {"files": (RESIDUAL, RESIDUAL_TABLE), "lawful": model.lawful, "memory": bool(model.bands)}
+    numbers = {"files": (RESIDUAL, RESIDUAL_TABLE), "lawful": model.contains_law, "memory": bool(model.bands)}
     return Note(Code.RESIDUAL_HELD, model.joint, {**numbers, "closed": model.predicted_share})

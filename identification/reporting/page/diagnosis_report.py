@@ -38,7 +38,7 @@ from identification.reporting.page.robot_scene import joint_colours, robot_scene
 from identification.words import diagnosis_words as words
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
-from identification.words.notes_on_motion import followed_words
+from identification.words.notes_on_motion import simulated_motion_words
 from identification.words.numbers_and_names import percent_short_of_all, with_stated_probabilities
 from identification.words.verdict_words import (
     closed_by_tolerances,
@@ -109,7 +109,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_file
         linked_files=linked_files,
         joints=views,
         motions=_motion_views(diagnosis) if has_samples else [],
-        motion_words=_followed_words(diagnosis.evidence),
+        motion_words=_simulated_motion_words(diagnosis.evidence),
         curves=_curves(diagnosis, [k for k, view in enumerate(views) if view["torque"]]),
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
@@ -204,7 +204,7 @@ def _joint_views(diagnosis: Diagnosis) -> list[View]:
 
 def _motion_views(diagnosis: Diagnosis) -> list[View]:
     """Values for each joint whose simulated motion is drawn, beginning with the largest gap."""
-    if diagnosis.evidence.followed is None:
+    if diagnosis.evidence.simulated is None:
         return []
     ranked = np.argsort(-shares_of(diagnosis), kind="stable").tolist()[:_CURVES]
     return [
@@ -218,9 +218,9 @@ def _motion_views(diagnosis: Diagnosis) -> list[View]:
     ]
 
 
-def _followed_words(evidence: Evidence) -> str:
-    followed = evidence.followed
-    return "" if followed is None else followed_words(followed, on_base=evidence.touched is not None)
+def _simulated_motion_words(evidence: Evidence) -> str:
+    simulated = evidence.simulated
+    return "" if simulated is None else simulated_motion_words(simulated, on_base=evidence.touched is not None)
 
 
 def _curves(diagnosis: Diagnosis, joints: list[int]) -> View | None:

@@ -65,12 +65,12 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
 
 def position_figure(diagnosis: Diagnosis, joint: int) -> str:
     """Draws the measured position, the positions that both models simulate from recorded states, and their errors."""
-    evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
-    if followed is None:
+    evidence, simulated = diagnosis.evidence, diagnosis.evidence.simulated
+    if simulated is None:
         return ""
     rows = shown_motion(evidence, joint)
     t, read, given, corrected = (
-        x[rows] for x in (evidence.t, evidence.q[:, joint], followed.before[:, joint], followed.after[:, joint])
+        x[rows] for x in (evidence.t, evidence.q[:, joint], simulated.before[:, joint], simulated.after[:, joint])
     )
     positions = (
         curve_over_time(t, read, INK, 1.8, "measured", 0.55),
@@ -89,12 +89,12 @@ def shown_motion(evidence: Evidence, joint: int) -> slice:
 
     The section is at most ten seconds or a dozen windows long, whichever is shorter.
     """
-    followed = evidence.followed
-    if followed is None:
+    simulated = evidence.simulated
+    if simulated is None:
         return slice(0, len(evidence.t))
-    error = evidence.q[:, joint] - followed.before[:, joint]
+    error = evidence.q[:, joint] - simulated.before[:, joint]
     windows = _WINDOWS if evidence.touched is None else _SWINGS
-    return eventful_stretch(evidence.t, error, min(STRETCH_S, windows * followed.seconds))
+    return eventful_stretch(evidence.t, error, min(STRETCH_S, windows * simulated.seconds))
 
 
 def position_unit(diagnosis: Diagnosis, joint: int) -> str:
@@ -240,7 +240,7 @@ def time_curves(diagnosis: Diagnosis, joints: Sequence[int]) -> str:
     """
     most = min(_MOST_OF_A_JOINT, SAMPLES // max(len(joints), 1))
     positions = (
-        [] if diagnosis.evidence.followed is None else [_position_curves(diagnosis, joint, most) for joint in joints]
+        [] if diagnosis.evidence.simulated is None else [_position_curves(diagnosis, joint, most) for joint in joints]
     )
     return json.dumps([*positions, *(_curves(diagnosis, joint, most) for joint in joints)])
 
@@ -250,9 +250,9 @@ def _position_curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, A
 
     Only windows are simulated, so the curves of the errors have gaps between windows.
     """
-    evidence, followed = diagnosis.evidence, diagnosis.evidence.followed
-    assert followed is not None
-    before, after = (evidence.q[:, joint] - q[:, joint] for q in (followed.before, followed.after))
+    evidence, simulated = diagnosis.evidence, diagnosis.evidence.simulated
+    assert simulated is not None
+    before, after = (evidence.q[:, joint] - q[:, joint] for q in (simulated.before, simulated.after))
     rows = _kept_rows((evidence.q[:, joint],), (before, after), most)
     stretch, unit = evidence.t[shown_motion(evidence, joint)], position_unit(diagnosis, joint)
     labels = {"id": f"positions-{joint}", "torque": f"position [{unit}]", "residual": f"error [{unit}]", "unit": unit}

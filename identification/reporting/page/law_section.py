@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from identification.diagnosis.input_names import base_of
+from identification.diagnosis.input_names import input_of
 from identification.diagnosis.result import Unexplained
 from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve, Ribbon
@@ -104,6 +104,6 @@ def _response_figure(found: Dependence, response: FrequencyResponse) -> str:
             ("phase [deg]", response.phase, response.phase_low, response.phase_high),
         )
     ]
-    words = input_words(base_of(response.input), found.joint)
+    words = input_words(input_of(response.input), found.joint)
     title = f"Response of the torque on {found.joint} to {words} over the frequency"
     return chart(tuple(panels), f"frequency of {words} [Hz]", (5.7, 4.6), title)

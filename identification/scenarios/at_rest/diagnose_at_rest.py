@@ -58,8 +58,8 @@ def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
     gains_stated = all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
     if gains_stated or any(recording.q_ref is None or recording.tau is not None for recording in recordings):
         return False
-    stills = (standstill_samples(robot, recordings, row) for row in range(robot.nv))
-    return any(_untestable_reason(robot, one, row) is None for row, one in enumerate(stills))
+    standstill = (standstill_samples(robot, recordings, row) for row in range(robot.nv))
+    return any(_untestable_reason(robot, one, row) is None for row, one in enumerate(standstill))
 
 
 def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
@@ -78,8 +78,8 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     started = time.perf_counter()
     require_right(recordings)
     every = [standstill_samples(robot, recordings, row) for row in range(robot.nv)]
-    why = [_untestable_reason(robot, stills, row) for row, stills in enumerate(every)]
-    fits = {row: fitted_rests(stills) for row, stills in enumerate(every) if why[row] is None}
+    why = [_untestable_reason(robot, standstill, row) for row, standstill in enumerate(every)]
+    fits = {row: fitted_rests(standstill) for row, standstill in enumerate(every) if why[row] is None}
     rows = sorted(fits, key=lambda row: -abs(fits[row].shift))
     findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], fits[row]))
     gaps = tuple(_gap(robot, row, every[row], fits.get(row)) for row in range(robot.nv))
@@ -122,15 +122,15 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     return with_poses(found, robot, recordings)
 
 
-def _untestable_reason(robot: Robot, stills: StandstillSamples, row: int) -> str | None:
+def _untestable_reason(robot: Robot, standstill: StandstillSamples, row: int) -> str | None:
     """Why the rests of a joint cannot show backlash or compliance; None if they can."""
     if robot.actuators[row].encoder_side == "motor":
         return _ON_MOTOR
-    return None if testable(stills) else _ONE_SIGN
+    return None if testable(standstill) else _ONE_SIGN
 
 
 def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
-    """Effects that rests cannot show; ``why`` has the reason for each joint, or None if its rests show all they can."""
+    """Effects that rests cannot show; ``why`` has the reason for each joint, None for a joint whose rests show both."""
     out = []
     for effect in catalogue.effects_of(robot):
         words = user_words(effect.name, robot)
@@ -141,7 +141,7 @@ def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
     return tuple(out)
 
 
-def _findings(robot: Robot, row: int, stills: StandstillSamples, found: RestFits) -> list[Finding]:
+def _findings(robot: Robot, row: int, standstill: StandstillSamples, found: RestFits) -> list[Finding]:
     """Findings on one joint: one for each effect of the most probable model of its rests."""
     if not found.models:
         return []
@@ -161,7 +161,7 @@ def _findings(robot: Robot, row: int, stills: StandstillSamples, found: RestFits
             joint=joint,
             regime="high_load",
             parameters=_parameters(robot, row, best, k),
-            gap_closed=_gap_closed(found, best, stills.repeatability),
+            gap_closed=_gap_closed(found, best, standstill.repeatability),
             gap_closed_interval=(low, high),
             probability=found.probabilities[0] / listed,
             rivals=rivals,
@@ -179,14 +179,14 @@ def _parameters(robot: Robot, row: int, model: RestModel, k: int) -> dict[str, V
     return {"stiffness": Value(1.0 / value, std / value**2, unit)}
 
 
-def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: RestFits) -> list[Note]:
+def _rest_notes(robot: Robot, row: int, standstill: StandstillSamples, found: RestFits) -> list[Note]:
     """Notes on how far apart a joint rests under loads of opposite sign, and on the loads."""
     joint, unit = robot.joint_names[row], robot.position_units[row]
-    load = np.abs(stills.rest_medians(stills.load))
+    load = np.abs(standstill.rest_medians(standstill.load))
     numbers = {
         "shift": found.shift,
         "unit": unit,
-        "steps": found.shift / stills.quantum if stills.quantum > 0 else None,
+        "steps": found.shift / standstill.quantum if standstill.quantum > 0 else None,
         "least": float(load.min()),
         "most": float(load.max()),
         "load_unit": robot.torque_units[row],
@@ -197,13 +197,13 @@ def _rest_notes(robot: Robot, row: int, stills: StandstillSamples, found: RestFi
     return [distance, Note(Code.CONTROLLER_GIVES_WAY, joint)] if found.models else [distance]
 
 
-def _gap(robot: Robot, row: int, stills: StandstillSamples, found: RestFits | None) -> JointGap:
+def _gap(robot: Robot, row: int, standstill: StandstillSamples, found: RestFits | None) -> JointGap:
     joint, unit = robot.joint_names[row], robot.position_units[row]
     if found is None:
-        return JointGap(joint, unit, 0.0, 0.0, max(stills.repeatability, 1e-12), 0)
+        return JointGap(joint, unit, 0.0, 0.0, max(standstill.repeatability, 1e-12), 0)
     residual = found.models[0].residual if found.models else found.before
     before, after = _rms(found.before), _rms(residual)
-    return JointGap(joint, unit, before, after, max(min(stills.repeatability, after), 1e-12), len(stills.t))
+    return JointGap(joint, unit, before, after, max(min(standstill.repeatability, after), 1e-12), len(standstill.t))
 
 
 def _unexplained(robot: Robot, every: list[StandstillSamples], fits: dict[int, RestFits]) -> Unexplained:
@@ -234,18 +234,18 @@ def _verdict(fits: dict[int, RestFits], findings: tuple[Finding, ...], unexplain
 def _evidence(robot: Robot, every: list[StandstillSamples], fits: dict[int, RestFits], rows: list[int]) -> Evidence:
     """Samples at rest of the joint that moves most under load, with its position error in place of a torque."""
     row = rows[0] if rows else 0
-    stills, found = every[row], fits.get(row)
-    count = (len(stills.t), robot.nv)
+    standstill, found = every[row], fits.get(row)
+    count = (len(standstill.t), robot.nv)
     error, after, load = np.zeros(count), np.zeros(count), np.zeros(count)
-    error[:, row], load[:, row] = stills.error, stills.load
+    error[:, row], load[:, row] = standstill.error, standstill.load
     if found is not None:
-        rest_error = stills.rest_medians(stills.error)
+        rest_error = standstill.rest_medians(standstill.error)
         held_out = found.models[0].residual if found.models else found.before
-        after[:, row] = (rest_error - held_out)[stills.rest]
+        after[:, row] = (rest_error - held_out)[standstill.rest]
     zero = read_only(np.zeros(count))
     return Evidence(
-        t=read_only(stills.t),
-        q=read_only(stills.q),
+        t=read_only(standstill.t),
+        q=read_only(standstill.q),
         v=zero,
         a=zero,
         tau_measured=read_only(error),

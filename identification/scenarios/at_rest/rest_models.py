@@ -76,27 +76,27 @@ class RestFits:
     both_needed: GateResult | None = None
 
 
-def testable(stills: StandstillSamples) -> bool:
+def testable(standstill: StandstillSamples) -> bool:
     """True if the joint rests often enough under loads of either sign."""
-    load = stills.rest_medians(stills.load)
+    load = standstill.rest_medians(standstill.load)
     return bool(min(np.sum(load > 0), np.sum(load < 0)) >= LEAST_RESTS)
 
 
-def fitted_rests(stills: StandstillSamples) -> RestFits:
+def fitted_rests(standstill: StandstillSamples) -> RestFits:
     """Fits of backlash and compliance to the rests of a joint; each rest is predicted by fits without it.
 
     Args:
-        stills: Samples at rest under loads of either sign.
+        standstill: Samples at rest under loads of either sign.
     """
     from scipy.special import stdtr, stdtrit
 
-    error, load = stills.rest_medians(stills.error), stills.rest_medians(stills.load)
+    error, load = standstill.rest_medians(standstill.error), standstill.rest_medians(standstill.load)
     load_sign = np.sign(load)
     before = _fit(error, ()).residual
     shift = _fit(error, (("backlash", -0.5 * load_sign),))
     width = float(shift.values[0])
     # Rounding to steps of the reading gives at least the standard deviation of a uniform error.
-    deviation = max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)), _NO_DEVIATION)
+    deviation = max(float(shift.std[0]), standstill.quantum / np.sqrt(12.0 * len(error)), _NO_DEVIATION)
     needed = -float(stdtrit(len(error) - 2, rules.REST_CHANCE))
     detectable_size = (needed + 1.645) * deviation  # 1.645 standard deviations: 95 % on one side
     above_chance = more_than_chance(float(np.sign(width)) * (width / deviation) ** 2, needed**2)
@@ -117,7 +117,9 @@ def fitted_rests(stills: StandstillSamples) -> RestFits:
     ranked = sorted(range(len(models)), key=lambda k: (-odds[k], k))
     weights = block_counts(len(error), random_stream("bootstrap of rests")) / len(error)
     loss_before = weights @ before**2
-    closed = (loss_before - weights @ losses[:, ranked[0]]) / np.maximum(loss_before - stills.repeatability**2, 1e-300)
+    closed = (loss_before - weights @ losses[:, ranked[0]]) / np.maximum(
+        loss_before - standstill.repeatability**2, 1e-300
+    )
     return RestFits(
         before,
         tuple(models[k] for k in ranked),

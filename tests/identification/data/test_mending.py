@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.data.drives.compensation import before_low_pass, put_back_sentences
+from identification.data.drives.compensation import put_back_sentences, without_low_pass
 from identification.data.mending import mended, spikes, whole_turns
-from identification.data.new_runs import parted
+from identification.data.new_runs import with_jumps_excluded
 from identification.data.reading import mended_and_checked, read_recording, recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import low_pass, process, shortest_recording
@@ -149,7 +149,7 @@ REVOLUTE = np.array([False, False])
 
 def test_a_row_in_which_another_run_begins_is_a_break(two_runs):
     # Known truth: the second run begins in row 2000.
-    found = parted(two_runs, REVOLUTE)
+    found = with_jumps_excluded(two_runs, REVOLUTE)
     assert found.excluded == ((two_runs.t[1999], two_runs.t[2000]),)
     assert re.search(r"shoulder, elbow jump in one row \(at t = 4 s\): another run begins there", found.warnings[0])
 
@@ -168,7 +168,7 @@ def test_a_joint_that_jumps_alone_begins_no_run(two_runs):
     alone = np.array(two_runs.q)
     alone[2000:, 1] += 0.2
     jumping = replace(two_runs, q=alone)
-    assert parted(jumping, REVOLUTE) is jumping
+    assert with_jumps_excluded(jumping, REVOLUTE) is jumping
 
 
 @pytest.mark.parametrize("held", [25, 100])
@@ -179,7 +179,7 @@ def test_readings_that_are_held_or_stall_begin_no_run(planar, held):
     rows = rows - rows % held if held == 25 else np.where((rows >= 2000) & (rows < 2100), 2000, rows)
     q = np.column_stack([0.6 * np.sin(2 * t), 0.4 * np.cos(3 * t)])[rows]
     smooth = Recording("a.csv", planar.joint_names, t, q, None)
-    assert parted(smooth, REVOLUTE) is smooth
+    assert with_jumps_excluded(smooth, REVOLUTE) is smooth
 
 
 def test_what_moves_between_two_rows_again_and_again_begins_no_run(planar):
@@ -187,7 +187,7 @@ def test_what_moves_between_two_rows_again_and_again_begins_no_run(planar):
     t = np.arange(4000) / 2
     places = np.random.default_rng(1).uniform(-1, 1, (200, 2))
     steps = Recording("a.csv", planar.joint_names, t, np.repeat(places, 20, axis=0), None)
-    assert parted(steps, REVOLUTE) is steps
+    assert with_jumps_excluded(steps, REVOLUTE) is steps
 
 
 RATE = 20.0
@@ -291,7 +291,7 @@ def swung(planar: Robot) -> Recording:
 def test_friction_is_put_back_with_the_velocities_of_the_log(planar, swung, joints):
     # Closed form: c v + T sign(v), with the log's own velocities.
     rubbing = replace(planar, viscous_friction=np.array([0.2, 0.1]), coulomb_friction=np.array([0.5, 0.3]))
-    plain, put_back = (process(replace(swung, friction_taken=names), rubbing) for names in ((), joints))
+    plain, put_back = (process(replace(swung, friction_subtracted=names), rubbing) for names in ((), joints))
     v = plain.motion.v
     wanted = (v * [0.2, 0.1] + np.sign(v) * [0.5, 0.3]) * np.isin(planar.joint_names, joints)
     np.testing.assert_allclose(put_back.tau - plain.tau, wanted, atol=1e-12)
@@ -313,7 +313,7 @@ def table(planar: Robot, compensated: dict[str, tuple[str, ...]]) -> Table:
     ],
 )
 def test_a_recording_knows_from_which_torques_friction_was_taken(planar, compensated, joints):
-    assert recording(table(planar, compensated), planar).friction_taken == joints
+    assert recording(table(planar, compensated), planar).friction_subtracted == joints
 
 
 def test_what_is_put_back_is_said(planar):
@@ -334,7 +334,7 @@ def test_a_low_pass_is_taken_back(planar, low_pass, taken):
     t, w = np.arange(5000) / 500.0, 7.0
     turns = w / (2 * np.pi * np.array(taken))
     behind = np.sin(w * t[:, None] - np.arctan(turns)) / np.sqrt(1 + turns**2)
-    found, said = before_low_pass(replace(table(planar, {}), columns={"t": t}, low_pass=low_pass), planar, behind)
+    found, said = without_low_pass(replace(table(planar, {}), columns={"t": t}, low_pass=low_pass), planar, behind)
     np.testing.assert_allclose(found, np.sin(w * t)[:, None] * np.ones(2), atol=1e-4)
     assert f"the low pass at {taken[0]:g} Hz of shoulder, {taken[1]:g} Hz of elbow was taken back" in said[0]
 

@@ -12,7 +12,7 @@ from identification.engine.chance import exceeded_by_chance, shuffled_pieces, sq
 from identification.engine.claims import (
     Claim,
     GateResult,
-    easiest,
+    easiest_test,
     fails_worst,
     until_failed,
     until_nothing_changes,
@@ -150,13 +150,13 @@ def test_a_gate_of_several_ways_is_passed_by_any_of_them_and_asks_no_further():
         yield 5.0, 2.0, "two"
         pytest.fail("a way that is not needed was asked for")
 
-    found = easiest("gate", ways())
+    found = easiest_test("gate", ways())
     assert (found.value, found.unit, found.passed) == (5.0, "two", True)
 
 
 def test_of_ways_that_all_fail_the_nearest_is_stated():
     # By hand: three quarters are nearer than a half.
-    found = easiest("gate", [(1.0, 2.0, "half"), (3.0, 4.0, "three quarters")])
+    found = easiest_test("gate", [(1.0, 2.0, "half"), (3.0, 4.0, "three quarters")])
     assert (found.unit, found.passed) == ("three quarters", False)
 
 

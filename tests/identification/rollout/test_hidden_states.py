@@ -370,6 +370,6 @@ def test_swings_of_two_legs_at_once_are_both_drawn():
         WindowMotion(Window(0, 20, 70, 0, 0, (0,)), one, one),
         WindowMotion(Window(0, 30, 80, 0, 0, (1,)), other, other),
     )
-    followed = with_simulated_motion(evidence, Rollout(0.5, {}, {}, motions=motions), (log,)).followed
+    followed = with_simulated_motion(evidence, Rollout(0.5, {}, {}, motions=motions), (log,)).simulated
     assert np.flatnonzero(followed.before[:, 0] == 1.0).tolist() == list(range(21, 70))
     assert np.flatnonzero(followed.after[:, 1] == 2.0).tolist() == list(range(31, 80))

@@ -368,7 +368,7 @@ def log() -> Log:
 def test_each_window_stands_at_its_own_samples_but_for_its_first():
     logs, read = (log(), log()), np.arange(50.0)[:, None]
     motions = (WindowMotion(Window(1, 20, 70, 0, 0), read, -read),)
-    found = with_simulated_motion(evidence(42), Rollout(0.1, {}, {}, motions=motions, controlled=True), logs).followed
+    found = with_simulated_motion(evidence(42), Rollout(0.1, {}, {}, motions=motions, controlled=True), logs).simulated
     assert found is not None
     assert (round(found.seconds, 9), found.controlled) == (0.49, True)
     expected = np.full(42, np.nan)

@@ -9,7 +9,12 @@ import pinocchio as pin
 import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in, with_payload
-from identification.diagnosis.columns.own_effects import ALIKE, OwnEffect, changed_effects, differences_of
+from identification.diagnosis.columns.one_recording_effects import (
+    NO_DIFFERENCES,
+    OneRecordingEffect,
+    changed_effects,
+    differences_of,
+)
 from identification.diagnosis.result import Value
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.notes import Code, Note
@@ -59,12 +64,12 @@ def test_nothing_known_is_the_given_robot_itself(pendulum):
 
 
 def test_without_changes_recordings_are_alike(pendulum):
-    assert differences_of((), pendulum, 2) is ALIKE
+    assert differences_of((), pendulum, 2) is NO_DIFFERENCES
 
 
 def test_where_all_recordings_changed_the_first_is_what_the_others_are_compared_with(pendulum):
     changes = tuple(Change(f"{k}.csv", changed=("controller",)) for k in range(3))
-    assert {effect.recording for effect in differences_of(changes, pendulum, 3).own} == {1, 2}
+    assert {effect.recording for effect in differences_of(changes, pendulum, 3).effects} == {1, 2}
 
 
 def test_what_changed_in_a_recording_that_is_held_out_is_refused(pendulum):
@@ -248,7 +253,7 @@ CHANGING = sorted(effect.name for effect in EFFECTS if effect.changes_with is no
 def test_an_effect_of_one_recording_leaves_nothing_in_the_others(pendulum, swing, name):
     # Known truth: the effect itself in its recording, zero elsewhere.
     inner = effect_named(name)
-    effect = OwnEffect(inner, 1, "b.csv")
+    effect = OneRecordingEffect(inner, 1, "b.csv")
     here = replace(Operation.of(pendulum, swing(1)), recording=1)
     # Friction over position is tried where a residual asks for it: a place from end to end then.
     shape = next(iter(inner.shapes(pendulum, here, "pin")), (-0.5, 0.5, 5.0))
@@ -259,7 +264,7 @@ def test_an_effect_of_one_recording_leaves_nothing_in_the_others(pendulum, swing
 
 def test_names_of_effects_are_those_of_their_recordings():
     names = {
-        OwnEffect(effect_named(name), k, "x.csv").name
+        OneRecordingEffect(effect_named(name), k, "x.csv").name
         for name in ("viscous_friction", "coulomb_friction")
         for k in (0, 1)
     }

@@ -17,7 +17,7 @@ from identification.data.signals import process
 from identification.diagnosis.columns.session import session_of
 from identification.notes import Note
 from identification.pipeline import diagnose
-from identification.scenarios.gains import Gains, estimated_gains, unstated, with_estimated_gains
+from identification.scenarios.gains import Gains, estimated_gains, joints_without_stated_gains, with_estimated_gains
 from identification.scenarios.motion_only import motion_robot, states_controllers, with_commanded_torque
 from identification.scenarios.protected_drives import protection_notes
 from identification.scenarios.torque_or_motion import driven_by_controllers, torque_or_motion
@@ -101,12 +101,14 @@ def test_positions_alone_tell_the_ratio_of_the_gains(pendulum):
     assert one.ratio == pytest.approx(0.1, rel=0.03)
 
 
-@pytest.mark.parametrize(("weightless", "slower", "rests_on"), [(False, 3.0, ("gravity",)), (True, 1.0, ("inertia",))])
-def test_it_is_said_what_of_the_model_sets_the_scale(pendulum, weightless, slower, rests_on):
+@pytest.mark.parametrize(
+    ("weightless", "slower", "determined_by"), [(False, 3.0, ("gravity",)), (True, 1.0, ("inertia",))]
+)
+def test_it_is_said_what_of_the_model_sets_the_scale(pendulum, weightless, slower, determined_by):
     # By hand: a slow pendulum is moved against its weight, one without weight against its inertia.
     robot = with_gravity(pendulum, np.zeros(3)) if weightless else pendulum
     (found,) = estimated_gains((moved(robot, slower=slower),), robot)
-    assert found.rests_on == rests_on
+    assert found.determined_by == determined_by
 
 
 def test_several_recordings_give_one_gain(pendulum, swung):
@@ -118,7 +120,7 @@ def test_several_recordings_give_one_gain(pendulum, swung):
 def test_a_stated_gain_is_kept(planar):
     stated = Controller("pd", 61.0, 6.0)
     some = replace(planar, actuators=(Actuator(controller=stated), Actuator()))
-    assert unstated(some) == ("elbow",)
+    assert joints_without_stated_gains(some) == ("elbow",)
     robot, (recording,) = with_estimated_gains(some, (moved(planar),))
     assert robot.actuators[0].controller is stated
     assert robot.actuators[1].controller.kp == pytest.approx(KP[1], rel=0.02)

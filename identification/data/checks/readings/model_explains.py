@@ -1,7 +1,7 @@
-"""Finds mistakes with whose correction the given model explains a recording that only another robot explains otherwise.
+"""Finds mistakes after whose correction the given model explains a recording; as recorded, only another robot does.
 
-As recorded, a plausible robot explains the data, so that no mistake is certain by that. But its torque constants and
-inertias would differ from those of the model by just what the mistake does.
+A plausible robot explains the data as recorded, so `better_readings` finds no certain mistake. But the torque constants
+and inertias of that robot differ from those of the model by exactly the factors that the mistake causes.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from phantom_dyn.model.robot import Robot
 
 
 def explained_by_the_model(robot: Robot, reading: Reading) -> list[ReadingFit]:
-    """The mistakes with whose correction a robot like its model explains the data; empty if there are none.
+    """The mistakes after whose correction a robot like its model explains the data; empty if there are none.
 
     - The columns of two joints are exchanged. This mistake is certain if both joints fit far better.
-    - A controller subtracted gravity from the torque, and the robot carries a load that the model lacks. As many robots
-      carry such a load, this mistake is only possible.
+    - A controller subtracted gravity from the torque, and the robot carries a load that the model lacks. Many robots
+      carry such a load, so this mistake is reported as possible and not as certain.
 
     Args:
         robot: The given model.
@@ -83,5 +83,5 @@ def _residual_shares(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
 
 
 def _improves_all(found: ReadingFit) -> bool:
-    """Whether a reading fits far better on all joints that it changes."""
+    """True if a reading fits far better on all joints that it changes."""
     return bool(np.all(found.joint_gains[list(found.suspect.joints)] >= FAR_BETTER))

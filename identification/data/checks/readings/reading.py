@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from identification.data.derivatives import zero_phase
 from identification.data.drives.joint_torque import per_speed
 from phantom_dyn.array_types import Array, Bool, Float
@@ -69,7 +69,7 @@ def of_voltages(reading: Reading, robot: Robot, torque_from: Mapping[str, str], 
     return replace(reading, late_by_speed=back_emf, late_by_acceleration=step * back_emf)
 
 
-def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> Reading | None:
+def reading_of(smooth: SmoothedRecording, external: Float[Array, "M nv"] | None = None) -> Reading | None:
     """The data as recorded, low-passed to the band in which the robot moves.
 
     Args:
@@ -93,7 +93,10 @@ def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> 
 
 
 def as_recorded(
-    smooth: Smooth, robot: Robot, torque_from: Mapping[str, str], external: Float[Array, "M nv"] | None = None
+    smooth: SmoothedRecording,
+    robot: Robot,
+    torque_from: Mapping[str, str],
+    external: Float[Array, "M nv"] | None = None,
 ) -> Reading | None:
     """The data as recorded (`reading_of`), with the possible errors of torques that were computed from voltages.
 
@@ -107,7 +110,7 @@ def as_recorded(
     return None if reading is None else of_voltages(reading, robot, torque_from, smooth.step)
 
 
-def _moving_edge(smooth: Smooth) -> float:
+def _moving_edge(smooth: SmoothedRecording) -> float:
     """Frequency [Hz] above which the velocities are mostly noise, at most the cut-off of the smoothed copy."""
     v = smooth.v[smooth.inside] - smooth.v[smooth.inside].mean(axis=0)
     power = np.abs(np.fft.rfft(v * np.hanning(len(v))[:, None], axis=0)) ** 2

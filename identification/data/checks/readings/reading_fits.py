@@ -104,7 +104,7 @@ def fit_of(
 
 
 def is_certain(found: ReadingFit) -> bool:
-    """Whether a reading fits far better on the joints that it changes, and clearly worse on no joint.
+    """True if a reading fits far better on the joints that it changes, and clearly worse on no joint.
 
     How many of these joints have to improve depends on the kind of mistake.
     """
@@ -153,7 +153,7 @@ def is_certain(found: ReadingFit) -> bool:
 
 
 def explains_nearly_all(found: ReadingFit) -> bool:
-    """Whether the unexplained share is small on every joint whose fit the reading changes.
+    """True if the unexplained share is small on every joint whose fit the reading changes.
 
     A joint whose fit stays the same, such as a noisy one, says nothing about the reading.
     """
@@ -164,7 +164,7 @@ def explains_nearly_all(found: ReadingFit) -> bool:
 
 
 def _pair_is_certain(found: ReadingFit) -> bool:
-    """Whether the correction of two mistakes explains nearly all of the torque, and enough joints fit far better."""
+    """True if the correction of two mistakes explains nearly all of the torque, and enough joints fit far better."""
     shares = found.unexplained[~np.isnan(found.unexplained)]
     better = np.nan_to_num(found.joint_gains) >= FAR_BETTER
     # One improved joint is enough where the recorded travel is impossible.

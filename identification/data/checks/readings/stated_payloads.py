@@ -24,7 +24,7 @@ from phantom_dyn.errors import ChainError
 from phantom_dyn.model.robot import Robot
 
 _POUND = 0.45359237  # [kg]
-# A robot like its model except for friction and for rotors, which a slow recording does not show; without or with load.
+# Robots like the model, without and with a load. Friction and rotors may differ: a slow recording shows no rotors.
 _WITHOUT, _WITH = WITHOUT_LOAD._replace(rotor=PLAUSIBLE.rotor), AS_MODELLED._replace(rotor=PLAUSIBLE.rotor)
 
 
@@ -79,7 +79,8 @@ def _contradictions(robot: Robot, recording: Recording, change: Change, bare: Fl
 
     excess, mistake = min((worse(corrected), advice) for advice, corrected in _usual_mistakes(payload))
     if excess > WORSE:
-        # Any payload also makes up for torque constants that the other recordings hardly show: this one is far off.
+        # A free payload can also compensate wrong torque constants that the other recordings hardly show. So the stated
+        # payload has to leave a large share unexplained in both halves.
         mistake, joints = "correct its mass [kg] and centre [m]", joints & (np.fmin(*stated) > RIGHT)
     if not joints.any():
         return ()
@@ -99,7 +100,7 @@ def _contradictions(robot: Robot, recording: Recording, change: Change, bare: Fl
 
 
 def _usual_mistakes(payload: KnownPayload) -> list[tuple[str, KnownPayload]]:
-    """Payloads that people mean by a wrong one, each with advice: a mass in pounds, another order or sign of axes."""
+    """Payloads that a user may have meant, with advice: a mass in pounds, another order or sign of axes."""
     out = [(f"write mass: {_POUND * payload.mass:.3g}, if it is in pounds", _POUND * payload.mass, payload.center)]
     centers = [np.array(one) for one in permutations(payload.center)]
     centers += [payload.center * np.array(signs) for signs in ((-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, 1))]

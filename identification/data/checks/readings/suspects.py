@@ -69,7 +69,7 @@ class Suspect:
         turned: True if the correction changes only positions of joints that turn more than once as recorded.
         outcome: What to report if this suspect fits best. ``wrong``: the recording has a certain fault. ``offer``: the
             mistake is possible, and a sentence says how to correct it. ``rival``: a certain fault, too,
-            but a mistake that fits as well is reported in its place.
+            but another mistake that fits equally well is reported in its place.
         price: 0 for a usual mistake; 1 if it has fitted numbers, such as gear ratios; 2 if it also needs a load that
             the model lacks. A suspect with a higher price has to fit far better than one with a lower price.
         advice: Advice for the user in addition to the entries, or in place of entries that do not exist.

@@ -1,8 +1,8 @@
-"""Warnings on torques that are late or early against the motion, with advice on how to mend the data."""
+"""Warnings on torques that are late or early relative to the motion, with advice on how to correct the data."""
 
 from __future__ import annotations
 
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from identification.data.checks.torques.torque_lag import CLEARLY, Lag, LowPass, is_reported, low_pass_is_reported
 from identification.data.recording import Recording
 from phantom_dyn.model.robot import Robot
@@ -13,7 +13,7 @@ class LagSentence(str):
 
     Attributes:
         joint: Name of the joint.
-        early: True if the torque is early against the motion, as a commanded torque is if the drive is slow.
+        early: True if the torque is early relative to the motion, as a commanded torque is if the drive is slow.
     """
 
     joint: str
@@ -29,7 +29,7 @@ class LagSentence(str):
 def check_lag(
     recording: Recording,
     robot: Robot,
-    smooth: Smooth,
+    smooth: SmoothedRecording,
     found: tuple[tuple[Lag | None, LowPass | None], ...],
     *,
     higher_order: tuple[str, ...] = (),
@@ -67,7 +67,7 @@ def _low_pass_advice(low_pass: LowPass) -> str:
     )
 
 
-def _lag_sentence(file: str, robot: Robot, smooth: Smooth, lag: Lag, low_pass: LowPass | None) -> str:
+def _lag_sentence(file: str, robot: Robot, smooth: SmoothedRecording, lag: Lag, low_pass: LowPass | None) -> str:
     """The warning on a torque that is late or early, with the advice to shift the torque or to invert a low pass.
 
     If the robot's file does not state a hold, a lag of half a sample may come from a hold of the torque.

@@ -1,7 +1,8 @@
-"""Finds recordings in which all torques are late against the motion by the same time.
+"""Finds recordings in which all torques are late relative to the motion by the same time.
 
 Such torques were recorded late, or filtered. A slow drive cannot be the cause: with it, the commanded torque is early
-against the motion. In a diagnosis, late torques would look like a coupling of joints, other inertias or less friction.
+relative to the motion. In a diagnosis, late torques would look like a coupling of joints, other inertias, or less
+friction.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def late_torques(recording: Recording, lags: list[Lag], low_passes: list[LowPass
 
 
 def _advice(recording: Recording, samples: float, low_passes: list[LowPass], step: float) -> str:
-    """Advice to take back a delay, a low pass, or one of the two if the motion does not separate them.
+    """Advice to undo a delay, a low pass, or one of the two if the motion does not separate them.
 
     A lag near a whole number of rows is rounded. Such a delay arises if the positions and torques of a row were read at
     different instants.

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
@@ -111,9 +111,9 @@ class _ClearSamples:
 
 
 def lags_and_low_passes(
-    robot: Robot, recording: Recording, smooth: Smooth
+    robot: Robot, recording: Recording, smooth: SmoothedRecording
 ) -> tuple[tuple[Lag | None, LowPass | None], ...]:
-    """Lag of each joint's torque against the torque of rigid bodies and friction, and the low pass that fits best.
+    """Lag of each joint's torque relative to that of rigid bodies and friction, and the low pass that fits best.
 
     The inertial parameters and the friction are free, so that a wrong model is not taken for a lag. Standard errors are
     estimated by a jackknife over blocks of the record.
@@ -133,7 +133,7 @@ def lags_and_low_passes(
 
 
 def _samples_without_reversals(
-    robot: Robot, recording: Recording, smooth: Smooth, lags: Float[Array, " m"]
+    robot: Robot, recording: Recording, smooth: SmoothedRecording, lags: Float[Array, " m"]
 ) -> list[_ClearSamples]:
     """The samples away from reversals and stops, for each joint that has enough such samples.
 
@@ -183,7 +183,7 @@ def _normalised(columns: Float[Array, "n k"]) -> Float[Array, "n c"]:
 
 
 def _lightly_smoothed(
-    recording: Recording, tau: Float[Array, "N nv"], smooth: Smooth, half: int
+    recording: Recording, tau: Float[Array, "N nv"], smooth: SmoothedRecording, half: int
 ) -> tuple[Motion, Float[Array, "M nv"]]:
     """Motion and torque after a filter of ``half`` samples to either side, whose cut-off is far above the band.
 

@@ -80,10 +80,10 @@ def _magnitudes(
 
 
 def check_unsigned(recording: Recording, data: Reading, model: Float[Array, "N nv"]) -> tuple[str, ...]:
-    """Warnings on torques that look like magnitudes, because the model needs others than they are.
+    """Warnings on torques that look like magnitudes: they lack a sign that the model needs.
 
-    They are never negative, or never against the velocity, as in logs that give a magnitude the sign of the velocity.
-    A gear that locks itself needs such torques too, so the latter is never certain.
+    Such torques are never negative. If the log gives magnitudes the sign of the velocity, they are never against the
+    velocity. The latter is no certain fault, because self-locking gears need such torques, too.
 
     Args:
         recording: Raw samples.
@@ -127,7 +127,7 @@ def _one_sign(recording: Recording, data: Reading, model: Float[Array, "N nv"]) 
 
 
 def _along_velocity(data: Reading, model: Float[Array, "N nv"]) -> Bool[Array, " nv"]:
-    """True for joints whose strong torques all have the sign of the velocity although the model needs others.
+    """True for joints whose strong torques never oppose the velocity, although the model needs torques that do.
 
     Drives that report a magnitude are often logged with the sign of the velocity.
     """

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from phantom_dyn.array_types import Array, Bool, Float
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.errors import listed
@@ -79,7 +79,7 @@ def lifted_less_lowered(robot: Robot, motion: Motion, tau: Float[Array, "N nv"])
     return np.where(known, difference / np.where(total > 0, total, 1.0), 0.0)
 
 
-def check_weights(file: str, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
+def check_weights(file: str, robot: Robot, smooth: SmoothedRecording) -> tuple[str, ...]:
     """Warnings on torques that were computed from a weight, and on joints that only lift or only lower their weight."""
     if smooth.tau is None or smooth.inside.sum() < _FEWEST:
         return ()

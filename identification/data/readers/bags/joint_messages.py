@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.data.readers.bags.unitree import base_of
+from identification.data.readers.bags.unitree import base_values
 from phantom_dyn.array_types import Array
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -43,7 +43,7 @@ class JointValues:
         values: For each quantity one value per joint, NaN for joints without a value; or an empty array.
         stamp: Time stamp of the message [ns]; None if it has no time stamp.
         is_tick: True if the stamp counts from the start of the device; False if it is the time of day.
-        base: Values of the base's sensors, see `identification.data.readers.bags.unitree.base_of`; None without them.
+        base: Values of the sensors on the base (`identification.data.readers.bags.unitree.base_values`); None without.
     """
 
     names: tuple[str, ...]
@@ -123,7 +123,7 @@ def _low_state(message: Any) -> JointValues:
     # Newer motors have two temperatures; the second one is the winding's.
     values["temp"] = np.array([np.atleast_1d(motor.temperature)[-1] for motor in motors], dtype=float)
     tick = getattr(message, "tick", None)
-    return JointValues((), values, None if not tick else int(tick) * 10**6, is_tick=True, base=base_of(message))
+    return JointValues((), values, None if not tick else int(tick) * 10**6, is_tick=True, base=base_values(message))
 
 
 def _motor_values(motors: Sequence[Any], name: str) -> Array:

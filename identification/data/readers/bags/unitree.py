@@ -35,7 +35,7 @@ _LEAST_COUNTS = 10.0
 _SENSED = tuple(f"{quantity}.imu.{axis}" for quantity in ("w", "sf") for axis in "xyz")
 
 
-def base_of(message: Any) -> Float[Array, " 10"]:
+def base_values(message: Any) -> Float[Array, " 10"]:
     """Angular velocity [rad/s], specific force [m/s^2] and forces of four feet in a message; NaN without forces."""
     imu = message.imu_state if hasattr(message, "imu_state") else message.imu
     feet = getattr(message, "foot_force", getattr(message, "footForce", np.full(4, np.nan)))
@@ -47,7 +47,7 @@ def base_columns(file: str, values: Sequence[Float[Array, " 10"]]) -> tuple[Mapp
 
     Args:
         file: Name of the bag, for messages.
-        values: Readings of each message, as `base_of` returns them.
+        values: Readings of each message, as `base_values` returns them.
     """
     every = np.array(values).reshape(-1, 10)
     if not every[:, :6].any():

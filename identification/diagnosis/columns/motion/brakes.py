@@ -19,26 +19,26 @@ from phantom_dyn.model.robot import Robot
 
 # Shortest rest [s] on a brake.
 _LEAST_REST = 0.5
-# Share of the weight: a drive that gives less in a rest gives nothing; one that gives more while the joint moves bears
-# the weight.
+# Shares of the weight. A drive whose torque in a rest is below the first share gives no torque. A drive whose torque in
+# motion is above the second share bears the weight.
 _NOTHING, _BEARS = 0.05, 0.5
-# Share of the root mean square torque in motion that the weight exceeds, so that friction is unlikely to hold it.
+# The weight has to exceed this share of the root mean square torque in motion, so that friction can hardly hold it.
 _LARGE = 0.5
 # Share of the top speed below which a smoothed joint may still be held.
 _SLOW = 0.05
 
 
 def with_brakes(robot: Robot, log: Log) -> Log:
-    """The log, with the model's torque in each rest in which the drive bears no weight although it does in motion.
+    """The log, with the model's torque in each rest in which the drive bears no weight, although it bears it in motion.
 
-    The joints with such rests are named in ``braked`` of the log.
+    `Log.braked` names the joints with such rests.
     """
     weight = inverse_dynamics(robot, log.motion) - modelled_friction(robot, log.motion)
     still, tau, braked = standing_still(log), log.tau.copy(), dict[str, None]()
     for j in range(robot.nv):
         moves = ~still[:, j]
         borne = log.tau[moves, j] @ weight[moves, j]
-        # A drive that bears no weight in motion either shows no brake.
+        # If the drive bears no weight in motion either, its rests show no brake.
         if borne <= _BEARS * (weight[moves, j] @ weight[moves, j]):
             continue
         usual = float(np.sqrt(np.mean(log.tau[moves, j] ** 2)))

@@ -32,27 +32,27 @@ def in_one_sine(logs: tuple[Log, ...], moves: Bool[Array, "L nv"]) -> frozenset[
     return frozenset(np.flatnonzero(moves.any(axis=0) & (_sines(logs) | ~moves).all(axis=0)).tolist())
 
 
-def two_numbers_beside_more(logs: tuple[Log, ...], moves: Bool[Array, "L nv"]) -> Bool[Array, "L nv"]:
-    """True if a recording shows only two amplitudes of a joint's torque, while another recording shows more."""
+def uninformative_sines(logs: tuple[Log, ...], moves: Bool[Array, "L nv"]) -> Bool[Array, "L nv"]:
+    """True if a recording shows only two amplitudes of a joint's torque, and another recording shows more of it."""
     few = moves & _sines(logs) & np.array([_without_harmonics(log) for log in logs])
     return few & (moves & ~few).any(axis=0)
 
 
-def held(log: Log) -> Log:
-    """A recording that is not used, with zero velocities and accelerations.
+def without_motion(log: Log) -> Log:
+    """The log with zero velocities and accelerations, for a recording that is not used.
 
-    The grids of shapes, which depend on the speeds of all recordings, then do not depend on this one.
+    Grids of shapes depend on the speeds of all recordings, and must not depend on this one.
     """
     still = np.zeros_like(log.motion.v)
     return replace(log, motion=replace(log.motion, v=still, a=still))
 
 
 def _sines(logs: tuple[Log, ...]) -> Bool[Array, "L nv"]:
-    """True if a joint moves in one sine, for each recording."""
+    """True for each recording and joint if the joint moves in one sine."""
     return np.array([[is_one_sine(q) for q in log.motion.q[log.valid].T] for log in logs])
 
 
 def _without_harmonics(log: Log) -> Bool[Array, " nv"]:
-    """True for joints of which the band of a recording ends below the third harmonic of one sine."""
+    """True for joints for which the band of the recording ends below the third harmonic of their sine."""
     q, v = log.motion.q[log.valid], log.motion.v[log.valid]
     return _HARMONIC * v.std(axis=0) > 2 * np.pi * log.band.cutoff_hz * q.std(axis=0)

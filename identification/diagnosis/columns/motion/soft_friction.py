@@ -25,7 +25,7 @@ from phantom_dyn.motion import BaseMotion, Motion
 # the robot gets no soft friction.
 _LEAST, _MOST = 0.5, 1.5
 _PARTS = 5  # number of equal parts of a recording, each of which has to show softness
-# Number of iterations for friction torque and softness together; after one, estimates already agree to a percent.
+# Number of rounds in which friction torque and softness are estimated; after one, estimates agree to a per cent.
 _ESTIMATES = 3
 
 # A recording: its motion, the torque that the given model lacks, and the band.
@@ -50,7 +50,7 @@ def softness(robot: Robot, motion: Motion, joint: str) -> Float[Array, "N nv"]:
     Args:
         robot: States the friction of its joints.
         motion: Motion at the full rate.
-        joint: The joint.
+        joint: Name of the joint.
     """
     row = robot.joint_names.index(joint)
     soft, torque = robot.soft_friction[row], dry_torque(robot, joint)
@@ -73,8 +73,8 @@ def with_shown_friction(robot: Robot, recorded: Sequence[Recorded], known: Float
         known: Coulomb torque of each joint that earlier diagnoses have found beyond the modelled one.
 
     Returns:
-        The robot in which each soft joint has its friction beyond the modelled one. If a part of the recordings does
-        not show the softness in its expected size, the robot without any soft friction.
+        The robot in which each soft joint has its friction beyond the modelled one. It has no soft friction at all if
+        a part of the recordings does not show the expected softness.
     """
     if not any(robot.soft_friction):
         return robot

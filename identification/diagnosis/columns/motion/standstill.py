@@ -51,7 +51,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
-    out, unseen = np.empty(log.motion.v.shape, dtype=bool), _unseen_speeds(log)
+    out, hidden_speeds = np.empty(log.motion.v.shape, dtype=bool), _speeds_below_a_step(log)
     for j in range(log.motion.q.shape[1]):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
         # A total motion of less than a millionth of a radian or metre is rounding errors.
@@ -64,7 +64,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         if noise_only and moves and _travels(q, kernel):
             v = np.convolve(v, kernel, mode="same")
             sigma, noise_only = _noise(v, kernel), False
-        slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99), unseen[j])
+        slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99), hidden_speeds[j])
         # Passing through zero is no standstill: the joint has to be slow for a whole period of the band's edge.
         at_standstill = np.convolve(slow, kernel, mode="same") > 0.999
         # If even the fastest speeds of a joint are noise, it is at standstill all the time.
@@ -73,7 +73,7 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     return out
 
 
-def _unseen_speeds(log: Log) -> Float[Array, " nv"]:
+def _speeds_below_a_step(log: Log) -> Float[Array, " nv"]:
     """Speed [rad/s or m/s] at which a joint moves one encoder step in a period of its low pass.
 
     It is zero if the encoder is so fine that the low pass was not lowered for it.
@@ -185,7 +185,7 @@ def direction_hidden(log: Log, steps: Float[Array, " nv"]) -> Bool[Array, "N nv"
     before and after the sample, so starts and reversals are excluded.
 
     Args:
-        log: A recording.
+        log: The recording.
         steps: Step of each joint's readings [rad or m] (`counted_step`); zero where it is not known.
     """
     v = log.motion.v
@@ -242,7 +242,7 @@ def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv
 
 
 def uncertain_friction_variance(
-    robot: Robot, log: Log, friction: Float[Array, "N nv"], doubt: Float[Array, "n nv"]
+    robot: Robot, log: Log, friction: Float[Array, "N nv"], reversals: Float[Array, "n nv"]
 ) -> Float[Array, "n nv"]:
     """Variance of the friction torque, in the band, of joints that stand still, creep or reverse.
 
@@ -250,10 +250,10 @@ def uncertain_friction_variance(
         robot: States the steps of the encoders.
         log: The recording.
         friction: Friction torque of the model, findings included.
-        doubt: Standard deviation of the friction torque near reversals, in the band (`reversal_std`).
+        reversals: Standard deviation of the friction torque near reversals, in the band (`reversal_std`).
     """
     standing = standstill_std(log, friction_sign_unknown(robot, log), friction)
-    return standing**2 + doubt**2 + creeping_std(log, friction) ** 2
+    return standing**2 + reversals**2 + creeping_std(log, friction) ** 2
 
 
 def noise_share(noise: Array | float, friction: Array) -> Array:
@@ -261,13 +261,13 @@ def noise_share(noise: Array | float, friction: Array) -> Array:
 
     Args:
         noise: Variance of the noise.
-        friction: Variance of the friction torque of each sample, which may be anything at standstill.
+        friction: Variance of the uncertain friction torque of each sample.
     """
     return noise / np.maximum(noise + friction, 1e-300)
 
 
 def _largest_nearby(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Largest friction torque near each sample, where a law lets it jump at a reversal."""
+    """Largest friction torque near each sample: at a reversal the torque of a friction law jumps."""
     reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
     return ndimage.maximum_filter1d(np.abs(friction), reach, axis=0)
 

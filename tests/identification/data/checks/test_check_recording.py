@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.checks.against_model import check_flipped, model_torque
-from identification.data.checks.check_recording import check_recording, checked
+from identification.data.checks.check_recording import checked
 from identification.data.checks.one_line import Separated, is_one_sine, lines_of, one_line_words, separated
 from identification.data.checks.positions import jumps, quantum
 from identification.data.checks.readings.reading import Reading
@@ -36,34 +36,34 @@ def with_load(arm: Robot) -> Robot:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_clean_recording_gives_no_warning(clean, arm, seed):
-    assert check_recording(clean(seed=seed), arm) == ()
+    assert checked(clean(seed=seed), arm).warnings == ()
 
 
 @pytest.mark.parametrize("rate", [50.0, 125.0, 1000.0])
 def test_a_clean_recording_gives_no_warning_at_any_rate(clean, arm, rate):
-    assert check_recording(clean(rate=rate), arm) == ()
+    assert checked(clean(rate=rate), arm).warnings == ()
 
 
 def test_a_clean_recording_without_noise_gives_no_warning(clean, arm, changed):
     recording = clean(noise=0.0)
-    assert check_recording(recording, arm) == ()
+    assert checked(recording, arm).warnings == ()
 
 
 def test_a_recording_rounded_to_four_digits_gives_no_warning(arm, changed, recording):
     rounded = changed(recording, q=recording.q.round(4), tau=recording.tau.round(2), v=recording.v.round(3))
-    assert check_recording(rounded, arm) == ()
+    assert checked(rounded, arm).warnings == ()
 
 
 def test_missing_friction_is_no_fault_of_the_recording(clean, arm):
-    assert check_recording(clean(friction=4.0), arm) == ()
+    assert checked(clean(friction=4.0), arm).warnings == ()
 
 
 def test_a_heavy_payload_is_no_fault_of_the_recording(clean, arm):
-    assert check_recording(clean(robot=with_load(arm)), arm) == ()
+    assert checked(clean(robot=with_load(arm)), arm).warnings == ()
 
 
 def test_a_clean_recording_without_robot_gives_no_warning(clean):
-    assert check_recording(clean(), None) == ()
+    assert checked(clean(), None).warnings == ()
 
 
 def test_the_real_ur10_recording_gives_no_warning(data_folder):
@@ -74,7 +74,7 @@ def test_the_real_ur10_recording_gives_no_warning(data_folder):
 
 def test_jitter_is_reported_with_its_share(arm, changed, rng, recording):
     t = recording.t + rng.uniform(-0.0004, 0.0004, len(recording.t))
-    assert "sampling is irregular" in check_recording(changed(recording, t=t), arm)[0]
+    assert "sampling is irregular" in checked(changed(recording, t=t), arm).warnings[0]
 
 
 def test_a_gap_is_reported_with_its_place_and_length(arm, recording):
@@ -82,7 +82,7 @@ def test_a_gap_is_reported_with_its_place_and_length(arm, recording):
     cut = replace(
         recording, t=recording.t[kept], q=recording.q[kept], tau=recording.tau[kept], v=recording.v[kept]
     )  # fmt: skip
-    sentence = next(w for w in check_recording(cut, arm) if "gap" in w)
+    sentence = next(w for w in checked(cut, arm).warnings if "gap" in w)
     assert "1 gap in time" in sentence
     assert "0.104 s at t = 4.998 s" in sentence
 
@@ -93,14 +93,14 @@ def test_an_excluded_gap_is_not_reported(arm, recording):
         "cut.csv", arm.joint_names, recording.t[kept], recording.q[kept], recording.tau[kept],
         excluded=((4.9, 5.2),),
     )  # fmt: skip
-    assert not any("gap" in w for w in check_recording(cut, arm))
+    assert not any("gap" in w for w in checked(cut, arm).warnings)
 
 
 def test_positions_read_at_half_the_rate_are_frozen(clean, arm, changed):
     recording = clean(rate=200.0)
     q = recording.q.copy()
     q[1::2, 1] = q[:-1:2, 1]
-    sentence = next(w for w in check_recording(changed(recording, q=q), arm) if "repeats" in w)
+    sentence = next(w for w in checked(changed(recording, q=q), arm).warnings if "repeats" in w)
     assert "q of tilt" in sentence
 
 
@@ -108,7 +108,7 @@ def test_positions_read_at_half_the_rate_are_frozen(clean, arm, changed):
 def test_positions_that_are_held_for_any_number_of_rows_are_frozen(clean, arm, changed, rows):
     recording = clean(rate=200.0)
     held = recording.q[np.arange(len(recording.q)) // rows * rows]
-    said = [w for w in check_recording(replace(changed(recording, q=held), v=None), arm) if "repeats" in w]
+    said = [w for w in checked(replace(changed(recording, q=held), v=None), arm).warnings if "repeats" in w]
     assert [re.search(r"longest time for (\d+) samples", w)[1] for w in said] == [str(rows)] * 3
     assert all(float(re.search(r"\((\d+) % of those in motion", w)[1]) > 40 for w in said)
 
@@ -121,7 +121,7 @@ def test_a_coarse_encoder_of_uneven_steps_is_not_frozen(speed, rng):
     q = speed * t[-1] / 4 * np.sin(2 * np.pi * t / t[-1] * 2)
     read = marks[np.clip(np.searchsorted(marks, q), 0, 399)][:, None]
     recording = Recording("a.csv", ("j",), t, read, np.cos(t)[:, None])
-    assert not [w for w in check_recording(recording, None) if "repeats" in w]
+    assert not [w for w in checked(recording, None).warnings if "repeats" in w]
 
 
 def test_a_slow_joint_that_sticks_now_and_then_is_not_frozen():
@@ -131,14 +131,14 @@ def test_a_slow_joint_that_sticks_now_and_then_is_not_frozen():
     for start in range(100, 9000, 500):
         q[start : start + 10] = q[start]
     recording = Recording("a.csv", ("j",), t, (np.round(q / 1e-4) * 1e-4)[:, None], np.cos(t)[:, None])
-    assert not [w for w in check_recording(recording, None) if "repeats" in w]
+    assert not [w for w in checked(recording, None).warnings if "repeats" in w]
 
 
 def test_a_stalled_encoder_is_reported_with_its_place(arm, changed, recording):
     q = recording.q.copy()
     k = 2000 + int(np.argmax(np.abs(recording.v[2000:3000, 0])))
     q[k : k + 9, 0] = q[k, 0]
-    sentence = next(w for w in check_recording(changed(recording, q=q), arm) if "repeats" in w)
+    sentence = next(w for w in checked(changed(recording, q=q), arm).warnings if "repeats" in w)
     assert "the longest time for 9 samples" in sentence
     assert f"t = {recording.t[k]:.6g} s" in sentence
 
@@ -147,28 +147,28 @@ def test_a_joint_that_sticks_is_not_frozen(arm, changed, recording):
     q = recording.q.copy()
     q[:, 0] = np.clip(q[:, 0], -0.2, 0.2)
     assert not any(
-        "repeats" in w for w in check_recording(changed(recording, q=q, v=np.gradient(q, axis=0) * 500), arm)
+        "repeats" in w for w in checked(changed(recording, q=q, v=np.gradient(q, axis=0) * 500), arm).warnings
     )
 
 
 def test_degrees_are_reported_without_a_robot(changed, recording):
-    assert any("look like degrees" in w for w in check_recording(changed(recording, q=np.rad2deg(recording.q)), None))
+    assert any("look like degrees" in w for w in checked(changed(recording, q=np.rad2deg(recording.q)), None).warnings)
 
 
 def test_velocity_in_degrees_is_reported(arm, changed, recording):
     sentence = only(
-        check_recording(changed(recording, v=np.rad2deg(recording.v) * [1, 0, 0] + recording.v * [0, 1, 1]), arm)
+        checked(changed(recording, v=np.rad2deg(recording.v) * [1, 0, 0] + recording.v * [0, 1, 1]), arm).warnings
     )
     assert "measured velocity of turn is 57.3 times the derivative of its position: the units differ" in sentence
 
 
 def test_velocity_with_the_wrong_sign_is_reported(arm, changed, recording):
-    sentence = only(check_recording(changed(recording, v=recording.v * [1, -1, 1]), arm))
+    sentence = only(checked(changed(recording, v=recording.v * [1, -1, 1]), arm).warnings)
     assert "measured velocity of tilt has the opposite sign" in sentence
 
 
 def test_velocity_of_another_joint_is_reported(arm, changed, recording):
-    warnings = check_recording(changed(recording, v=recording.v[:, [1, 0, 2]]), arm)
+    warnings = checked(changed(recording, v=recording.v[:, [1, 0, 2]]), arm).warnings
     assert ["turn" in w or "tilt" in w for w in warnings] == [True, True]
     assert all("does not follow the derivative" in w for w in warnings)
 
@@ -176,7 +176,7 @@ def test_velocity_of_another_joint_is_reported(arm, changed, recording):
 def test_swapped_columns_of_two_joints_are_reported(arm, changed, recording):
     order = [1, 0, 2]
     swapped = changed(recording, q=recording.q[:, order], v=recording.v[:, order], tau=recording.tau[:, order])
-    assert "turn and tilt look swapped" in only(check_recording(swapped, arm))
+    assert "turn and tilt look swapped" in only(checked(swapped, arm).warnings)
 
 
 @pytest.mark.parametrize("samples", [-2.0, -0.5, 0.5, 1.0, 3.5])
@@ -187,14 +187,14 @@ def test_the_lag_of_the_torque_is_estimated_to_a_tenth_of_a_sample(clean, arm, s
 
 
 def test_a_torque_half_a_sample_early_is_reported_and_explained_by_the_hold(clean, arm):
-    warnings = check_recording(clean(late=-0.5 / 500), arm)
+    warnings = checked(clean(late=-0.5 / 500), arm).warnings
     assert len(warnings) >= 2
     said = r"torque of turn is early against its motion by 1\.0\d ms \(0\.5\d samples\): torque_hold: zoh"
     assert re.search(said, warnings[0])
 
 
 def test_a_held_torque_that_the_robot_states_is_not_reported(clean, arm):
-    assert check_recording(clean(late=-0.5 / 500), replace(arm, torque_hold="zoh")) == ()
+    assert checked(clean(late=-0.5 / 500), replace(arm, torque_hold="zoh")).warnings == ()
 
 
 def test_a_late_torque_is_reported_in_milliseconds(clean, arm, changed):
@@ -202,7 +202,7 @@ def test_a_late_torque_is_reported_in_milliseconds(clean, arm, changed):
     tau = recording.tau.copy()
     tau[:, 0] = late.tau[:, 0]
     said = r"torque of turn is late against its motion by 3\.9\d ms \(2 samples\)"
-    assert re.search(said, check_recording(changed(recording, tau=tau), arm)[0])
+    assert re.search(said, checked(changed(recording, tau=tau), arm).warnings[0])
 
 
 def test_a_log_in_which_all_torques_are_late_is_refused_with_the_entry(clean, arm):
@@ -231,7 +231,7 @@ def test_a_wrong_inertia_does_not_pass_for_a_lag(clean, arm):
 def test_a_tail_at_rest_is_reported_with_its_start(arm, changed, recording):
     q, v, tau = recording.q.copy(), recording.v.copy(), recording.tau.copy()
     q[8000:], v[8000:], tau[8000:] = q[8000], 0.0, tau[8000]
-    warnings = check_recording(changed(recording, q=q, v=v, tau=tau), arm)
+    warnings = checked(changed(recording, q=q, v=v, tau=tau), arm).warnings
     assert any("no joint moves from t = 16 s to the end" in w and "--exclude 16:" in w for w in warnings)
 
 
@@ -239,13 +239,13 @@ def test_an_excluded_tail_is_not_reported(arm, changed, recording):
     q = recording.q.copy()
     q[8000:] = q[8000]
     cut = replace(changed(recording, q=q), v=None, excluded=((15.9, 20.0),))
-    assert not any("no joint moves" in w for w in check_recording(cut, arm))
+    assert not any("no joint moves" in w for w in checked(cut, arm).warnings)
 
 
 def test_a_joint_that_never_moves_is_named(arm, changed, rng, recording):
     q, v = recording.q.copy(), recording.v.copy()
     q[:, 0], v[:, 0] = 0.3 + 1e-5 * rng.standard_normal(len(q)), 0.0
-    assert any("turn never moves" in w for w in check_recording(changed(recording, q=q, v=v), arm))
+    assert any("turn never moves" in w for w in checked(changed(recording, q=q, v=v), arm).warnings)
 
 
 @pytest.mark.parametrize(("parts", "times"), [(2, 4.0), (10, 4.0), (50, 1.0)])
@@ -255,7 +255,7 @@ def test_a_motor_encoder_that_wraps_behind_a_gear_is_reported(arm, changed, part
     q[:, 1] = np.mod(turned, wrap)
     wraps = np.count_nonzero(np.diff(turned // wrap))
     said = [
-        w for w in check_recording(replace(changed(recording, q=q), v=None), arm) if "from one sample to the next" in w
+        w for w in checked(replace(changed(recording, q=q), v=None), arm).warnings if "from one sample to the next" in w
     ]
     assert f"q of tilt jumps by up to {wrap:.3g}"[:-1] in only(tuple(said))
     # Where it turns back at once, a jump is not counted.
@@ -274,7 +274,7 @@ def test_steps_of_a_coarse_encoder_and_ways_across_a_gap_are_no_jumps(rng):
 def test_a_coarse_encoder_is_reported_with_its_step(arm, changed, recording):
     q = recording.q.copy()
     q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
-    assert any("encoder of turn has the coarse step 0.05" in w for w in check_recording(changed(recording, q=q), arm))
+    assert any("encoder of turn has the coarse step 0.05" in w for w in checked(changed(recording, q=q), arm).warnings)
 
 
 def test_a_coarse_encoder_that_the_robot_states_is_not_reported(arm, changed, recording):
@@ -282,7 +282,7 @@ def test_a_coarse_encoder_that_the_robot_states_is_not_reported(arm, changed, re
     q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
     actuators = (replace(arm.actuators[0], encoder_counts=2 * np.pi / 0.05), *arm.actuators[1:])
     stated = replace(arm, actuators=actuators)
-    assert not any("coarse" in w for w in check_recording(changed(recording, q=q), stated))
+    assert not any("coarse" in w for w in checked(changed(recording, q=q), stated).warnings)
 
 
 @pytest.mark.parametrize("step", [1e-5, 7.67e-4, 0.0879 * np.pi / 180])
@@ -327,7 +327,7 @@ def test_a_torque_that_may_have_lost_its_sign_is_warned_of(arm, changed, recordi
     # Something else that is not modelled keeps the magnitude from being certain.
     tau = recording.tau.copy()
     tau[:, 1] = np.abs(tau[:, 1]) + tau[:, 1].std() * (1 + np.sin(9 * recording.t))
-    assert any("torque of tilt is never negative" in w for w in check_recording(changed(recording, tau=tau), arm))
+    assert any("torque of tilt is never negative" in w for w in checked(changed(recording, tau=tau), arm).warnings)
 
 
 def waves(*phases, frequencies=None):
@@ -365,19 +365,19 @@ def test_a_motion_along_one_line_shows_fewer_base_parameters(planar2):
 
 
 def test_a_check_names_the_joints_of_a_line(lab, planar2):
-    from identification.data.checks.check_recording import check_recording
+    from identification.data.checks.check_recording import checked
 
     recording = lab.recording(planar2, waves(0.0, 0.0, frequencies=(2.0, 2.0)), np.zeros((4000, 2)))
-    words = [one for one in check_recording(recording, planar2) if "along one line" in one]
+    words = [one for one in checked(recording, planar2).warnings if "along one line" in one]
     assert len(words) == 1
     assert words[0].startswith("shoulder and elbow move along one line")
 
 
 def test_a_check_of_a_good_motion_names_none(lab, planar2):
-    from identification.data.checks.check_recording import check_recording
+    from identification.data.checks.check_recording import checked
 
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
-    words = check_recording(lab.recording(planar2, motion, np.zeros_like(motion.q)), planar2)
+    words = checked(lab.recording(planar2, motion, np.zeros_like(motion.q)), planar2).warnings
     assert not any("along one line" in one for one in words)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.data.checks.check_recording import check_recording
+from identification.data.checks.check_recording import checked
 from identification.data.checks.times_and_torques import check_clipping
 from identification.data.recording import Recording
 
@@ -11,7 +11,7 @@ from identification.data.recording import Recording
 def test_a_clipped_torque_is_reported_with_value_and_share(arm, changed, recording):
     top = np.percentile(recording.tau[:, 1], 95)
     tau = np.minimum(recording.tau, [np.inf, top, np.inf])
-    warnings = check_recording(changed(recording, tau=tau), arm)
+    warnings = checked(changed(recording, tau=tau), arm).warnings
     assert any(f"torque of tilt sits at {top:.6g} for 5 % of the samples" in w for w in warnings)
 
 

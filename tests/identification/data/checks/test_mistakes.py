@@ -7,9 +7,9 @@ import pytest
 
 from by_night import by_night
 from identification.data.checked_file import checked_file
-from identification.data.checks.check_recording import check_recording, checked
+from identification.data.checks.check_recording import checked
+from identification.data.checks.divergence import diverged
 from identification.data.checks.positions import check_frozen
-from identification.data.checks.runaway import ran_away
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_repeated
 from identification.data.mending import mended
@@ -129,7 +129,7 @@ def test_motion_that_grows_without_bound_is_reported_as_that(start, planar_log):
     t = planar_log.t
     growth = np.exp(np.maximum(t - start * t[-1], 0.0) * 3.0 / max(1 - start, 0.3)) - 1.0
     away = np.outer(growth * np.sin(60.0 * t), [0.3, 0.0])
-    fault = ran_away(replace(planar_log, q=planar_log.q + away, tau=planar_log.tau + 1e3 * away))
+    fault = diverged(replace(planar_log, q=planar_log.q + away, tau=planar_log.tau + 1e3 * away))
     assert fault is not None
     assert "the motion grows without bound from about t =" in fault.what
     assert ("--exclude" in fault.mend) == (start > 0.2 or "--exclude" in fault.mend)
@@ -145,12 +145,12 @@ def test_honest_motion_is_none_that_ran_away(kind, planar_log):
         "degrees": np.rad2deg(planar_log.q),
         "a jump of an encoder": planar_log.q + 6000.0 * (t > 9)[:, None],
     }[kind]
-    assert ran_away(replace(planar_log, q=q)) is None
+    assert diverged(replace(planar_log, q=q)) is None
 
 
 def test_a_torque_of_no_machine_ran_away(planar_log):
     tau = planar_log.tau * np.where(planar_log.t > 15, 1e12, 1.0)[:, None]
-    assert ran_away(replace(planar_log, tau=tau)) is not None
+    assert diverged(replace(planar_log, tau=tau)) is not None
 
 
 @pytest.mark.parametrize("beyond", [np.inf, np.nan, 1e12])
@@ -279,12 +279,12 @@ def swings(robot: Robot, t: np.ndarray, slowest_hz: float, noise: float = 0.0) -
     ids=["one hertz", "two hours", "20 kHz"],
 )
 def test_any_rate_that_follows_the_motion_is_fine(arm, rate, seconds, slowest_hz):
-    assert check_recording(swings(arm, np.arange(int(seconds * rate)) / rate, slowest_hz), arm) == ()
+    assert checked(swings(arm, np.arange(int(seconds * rate)) / rate, slowest_hz), arm).warnings == ()
 
 
 def test_a_motion_that_is_sampled_too_slowly_is_reported_and_is_no_standstill(arm):
     # Sines of 0.4 Hz and more, sampled once a second: the positions are those of noise.
-    said = check_recording(swings(arm, np.arange(300.0), 0.4), arm)
+    said = checked(swings(arm, np.arange(300.0), 0.4), arm).warnings
     assert not [sentence for sentence in said if "never moves" in sentence or "no joint moves" in sentence]
     (one,) = [sentence for sentence in said if "jump about" in sentence]
     assert one.startswith("log.csv: the positions of turn, tilt, slide jump about from sample to sample")
@@ -295,5 +295,5 @@ def test_a_joint_that_rests_with_a_noisy_encoder_never_moves(arm, changed):
     recording = swings(arm, np.arange(4000) / 200, 0.5)
     resting = recording.q.copy()
     resting[:, 0] = 0.3 + 2e-3 * np.random.default_rng(1).standard_normal(4000)
-    said = check_recording(changed(recording, q=resting), arm)
+    said = checked(changed(recording, q=resting), arm).warnings
     assert any("turn never moves" in sentence for sentence in said)

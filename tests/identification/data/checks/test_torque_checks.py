@@ -8,11 +8,11 @@ import pytest
 from scipy.signal import butter, lfilter, lfilter_zi, sosfilt
 
 import phantom_dyn as dyn
-from identification.data.checks.check_recording import check_recording
+from identification.data.checks.check_recording import checked
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.times_and_torques import check_flat
 from identification.data.checks.torques.filtered_torques import check_filtered, filtered_joints, roll_off
-from identification.data.checks.torques.taken_friction import check_friction_taken, friction_shares
+from identification.data.checks.torques.subtracted_friction import check_subtracted_friction, friction_shares
 from identification.data.checks.torques.torque_lag import clear_samples, friction_columns, lags_and_low_passes
 from identification.data.checks.torques.weight_and_friction import computed_from_weight, lifted_less_lowered
 from identification.data.recording import Recording
@@ -73,7 +73,7 @@ def test_a_torque_that_stays_the_same_in_most_rows_is_named_with_the_stretch_to_
     (sentence,) = check_flat(replace(recording, tau=tau))
     assert f"tau.{arm.joint_names[1]} {said} to 19.995 s (80 % of the rows)" in sentence
     assert sentence.endswith("--exclude 4:19.995.")
-    assert sentence in check_recording(replace(recording, tau=tau), arm)
+    assert sentence in checked(replace(recording, tau=tau), arm).warnings
 
 
 def test_a_torque_that_stays_the_same_at_rest_or_for_a_short_time_is_no_fault(clean):
@@ -100,7 +100,7 @@ def test_a_torque_that_is_early_is_no_warning_beside_the_delay_that_is_found(rng
     # A drive that acts d late is asked for a torque d before the motion that it makes.
     tau = inverse_dynamics(robot, motion(t + 0.009)) + 0.02 * rng.standard_normal((len(t), 1))
     recording = Recording("bench.csv", robot.joint_names, t, motion(t).q + 1e-5 * rng.standard_normal(tau.shape), tau)
-    warnings = check_recording(recording, robot)
+    warnings = checked(recording, robot).warnings
     assert any("early against its motion" in text for text in warnings)
     diagnosis = dyn.diagnose(robot, replace(recording, warnings=warnings))
     (found,) = diagnosis.findings
@@ -130,7 +130,7 @@ def test_a_simulated_pendulum_that_sticks_has_no_lag():
     made = dyn.simulate(robot, reference, effects=[("coulomb_friction", "pin", {"torque": 1.5})])
     recording = made.recording(position_noise=1e-5, torque_noise=0.02, seed=1)
     assert lags_of(robot, recording) == pytest.approx([0.0], abs=0.1)
-    assert not any("against its motion" in sentence for sentence in check_recording(recording, robot))
+    assert not any("against its motion" in sentence for sentence in checked(recording, robot).warnings)
 
 
 def test_samples_are_clear_where_the_filter_touches_no_reversal():
@@ -194,7 +194,9 @@ def test_the_cut_off_of_a_low_pass_is_found(clean, arm, changed, hertz):
 def test_a_low_pass_is_reported_with_the_entry_that_takes_it_back(clean, arm, changed):
     recording = clean(seconds=40.0)
     stated = [
-        text for text in check_recording(changed(recording, tau=late_low_passed(recording, 5.0)), arm) if "tilt" in text
+        text
+        for text in checked(changed(recording, tau=late_low_passed(recording, 5.0)), arm).warnings
+        if "tilt" in text
     ]
     assert len(stated) == 1
     assert re.search(r"tilt went through a low pass of first order at 5\.?\d* Hz that the positions did not", stated[0])
@@ -204,14 +206,14 @@ def test_a_low_pass_is_reported_with_the_entry_that_takes_it_back(clean, arm, ch
 def test_a_low_pass_far_above_the_motion_may_be_a_shift(arm, changed, recording):
     tau = recording.tau.copy()
     tau[:, 0] = late_low_passed(recording, 50.0)[:, 0]
-    stated = check_recording(changed(recording, tau=tau), arm)
+    stated = checked(changed(recording, tau=tau), arm).warnings
     assert "late against its motion" in stated[0]
     assert "shift it, or, if it went through a low pass of first order, write tau.turn: {low_pass: 5" in stated[0]
 
 
 @pytest.mark.parametrize("late", [-0.002, 0.0])
 def test_a_torque_that_is_not_late_went_through_no_low_pass(clean, arm, late):
-    assert not any("low pass" in text for text in check_recording(clean(late=late), arm))
+    assert not any("low pass" in text for text in checked(clean(late=late), arm).warnings)
 
 
 @pytest.mark.parametrize("hertz", [8.0, 20.0])
@@ -219,7 +221,7 @@ def test_a_low_pass_of_second_order_is_not_reported_as_one_of_first(clean, arm, 
     # The noise above the motion tells the order: it falls off twice as steeply.
     recording = clean(seconds=40.0)
     tau = lfilter(*butter(2, hertz, fs=500.0), recording.tau - recording.tau[0], axis=0) + recording.tau[0]
-    stated = check_recording(changed(recording, tau=tau), arm)
+    stated = checked(changed(recording, tau=tau), arm).warnings
     assert any("went through a low-pass that the positions did not" in text for text in stated)
     assert not any("first order" in text for text in stated)
 
@@ -250,23 +252,23 @@ def test_the_error_of_a_share_covers_its_departure(taken, arm):
 
 
 def test_torques_without_friction_are_reported_with_the_entry(taken, arm):
-    (sentence,) = check_recording(taken(EVERY), arm)
+    (sentence,) = checked(taken(EVERY), arm).warnings
     assert "the torques of turn, tilt, slide lack the friction that the model states" in sentence
     assert "write tau: {compensated: friction} into a column map and give it with --columns" in sentence
 
 
 def test_one_torque_without_friction_is_reported_with_the_entry_of_its_joint(taken, arm):
-    (sentence,) = check_recording(taken(SECOND), arm)
+    (sentence,) = checked(taken(SECOND), arm).warnings
     assert "the torque of tilt lacks the friction" in sentence
     assert "write tau.tilt: {compensated: friction} into" in sentence
 
 
 def test_friction_that_is_half_of_what_the_model_states_is_not_reported(taken, arm):
-    assert check_friction_taken(taken(0.5 * EVERY), arm, smoothed(taken(0.5 * EVERY))) == ()
+    assert check_subtracted_friction(taken(0.5 * EVERY), arm, smoothed(taken(0.5 * EVERY))) == ()
 
 
 def test_nothing_is_reported_where_the_column_map_says_so(taken, arm):
-    assert check_recording(replace(taken(EVERY), friction_taken=arm.joint_names), arm) == ()
+    assert checked(replace(taken(EVERY), friction_subtracted=arm.joint_names), arm).warnings == ()
 
 
 def test_a_robot_whose_model_states_no_friction_lacks_none(taken, arm):
@@ -279,7 +281,7 @@ def test_friction_below_what_the_fit_leaves_is_not_reported(taken, arm, changed,
     friction = active_friction(arm, recording.v).std(axis=0)
     noise = rng.standard_normal(recording.tau.shape) * 6.0 * friction
     noisy = changed(recording, tau=recording.tau + noise)
-    assert check_friction_taken(noisy, arm, smoothed(noisy)) == ()
+    assert check_subtracted_friction(noisy, arm, smoothed(noisy)) == ()
 
 
 def test_a_joint_that_its_drive_does_not_move_lacks_no_friction(taken, arm, changed):
@@ -294,7 +296,7 @@ def test_a_joint_that_never_moves_lacks_no_friction():
     q, tau = (rng.standard_normal((2000, 1)) * size + level for size, level in ((1e-5, 0.3), (0.01, 1.45)))
     still = Recording("still.csv", robot.joint_names, t, q, tau)
     assert friction_shares(robot, smoothed(still)) != ()
-    assert check_friction_taken(still, robot, smoothed(still)) == ()
+    assert check_subtracted_friction(still, robot, smoothed(still)) == ()
 
 
 T = np.arange(0, 20.0, 0.01)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.data.checks.check_recording import check_recording
+from identification.data.checks.check_recording import checked
 from identification.data.drives.arrivals import arrival_notes, between_readings, with_unknown_arrivals
 from identification.data.drives.joint_torque import external_torque
 from identification.data.reading import recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import process
-from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.operations import operation_of
 from identification.identify.identify import identify
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.dynamics.kinematics import frame_pose
@@ -86,8 +86,8 @@ def test_a_drive_that_protects_itself_is_followed_between_its_readings(robot, de
     inner = slice(20, -20)
     assert np.std(left[inner]) < 0.4 * np.std(off[inner])
     # What is left lies where it is doubted.
-    assert np.all(np.abs(left[inner]) < 3.0 * np.abs(found.doubt[inner, 0]) + 0.03)
-    assert np.mean(np.abs(found.doubt) > 0.03) < 0.25
+    assert np.all(np.abs(left[inner]) < 3.0 * np.abs(found.nonlinear_std[inner, 0]) + 0.03)
+    assert np.mean(np.abs(found.nonlinear_std) > 0.03) < 0.25
 
 
 def test_a_drive_without_protection_leaves_no_doubt(robot):
@@ -95,7 +95,7 @@ def test_a_drive_without_protection_leaves_no_doubt(robot):
     found = between_readings(one, robot, one.t, held=True)
     assert found is not None
     assert not found.torque.any()
-    assert not found.doubt.any()
+    assert not found.nonlinear_std.any()
 
 
 def test_a_warm_motor_makes_less_of_it(robot):
@@ -172,7 +172,7 @@ def test_the_drive_need_not_give_what_pushes(planar):
     recording = Recording("a.csv", planar.joint_names, t, q, np.zeros_like(q), forces={"lower": force})
     log, bare = (process(r, planar, cutoff_hz=10.0) for r in (recording, replace(recording, forces={})))
     assert log.external is not None
-    less = operate(planar, bare, ()).tau - operate(planar, log, ()).tau
+    less = operation_of(planar, bare, ()).tau - operation_of(planar, log, ()).tau
     np.testing.assert_allclose(less, external_torque(planar, log.motion.q, {"lower": force}), atol=1e-12)
 
 
@@ -219,8 +219,8 @@ def test_a_check_against_the_model_counts_measured_forces(planar, pushed):
     tau = np.column_stack([-needed, (pushed.tau + external_torque(planar, pushed.q, pushed.forces))[:, 1]])
     held = replace(pushed, tau=tau, forces=force)
     stated = "the torque of shoulder has the opposite sign"
-    assert not any(stated in sentence for sentence in check_recording(held, planar))
-    assert any(stated in sentence for sentence in check_recording(replace(held, forces={}), planar))
+    assert not any(stated in sentence for sentence in checked(held, planar).warnings)
+    assert any(stated in sentence for sentence in checked(replace(held, forces={}), planar).warnings)
 
 
 def test_a_force_at_an_unknown_frame_is_refused_when_a_recording_is_read(planar):

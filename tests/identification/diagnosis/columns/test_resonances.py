@@ -11,7 +11,7 @@ from identification.data.log import Log
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.data.signals import process, process_all
-from identification.diagnosis.columns.motion.one_sine import in_one_sine, moving, two_numbers_beside_more
+from identification.diagnosis.columns.motion.one_sine import in_one_sine, moving, uninformative_sines
 from identification.diagnosis.columns.motion.standstill import standing_still
 from identification.diagnosis.columns.operations import adjusted_robot
 from identification.diagnosis.columns.resonances import resonances
@@ -91,7 +91,7 @@ def swung(robot, *hertz: float, edge_hz: float = 5.0) -> Log:
 
 
 def few(*logs: Log) -> list[bool]:
-    return two_numbers_beside_more(logs, moving(logs))[:, 0].tolist()
+    return uninformative_sines(logs, moving(logs))[:, 0].tolist()
 
 
 @pytest.mark.parametrize(("hertz", "harmonic_is_seen"), [(1.6, True), (1.8, False)])

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.diagnosis.columns.layout import by_drives, by_place, by_scales, groups_of_joints, scales
+from identification.diagnosis.columns.layout import (
+    groups_by_drives,
+    groups_by_place,
+    groups_by_scales,
+    groups_of_joints,
+    scale_of_joints,
+)
 from identification.diagnosis.columns.prepared import prepared
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.columns.terms import merged
@@ -71,8 +77,8 @@ def test_what_a_diagnosis_works_on_holds_nothing_of_a_long_recording(planar2):
     q = np.column_stack([np.sin(t), np.cos(t)])
     whole = Recording("long.csv", planar2.joint_names, t, q, np.ones_like(q))
     given = prepared(planar2, (whole,))
-    assert len(given.seen) == 15
-    for part in given.seen:
+    assert len(given.fitted) == 15
+    for part in given.fitted:
         assert not any(np.shares_memory(kept, raw) for kept, raw in ((part.t, t), (part.q, q), (part.tau, whole.tau)))
     assert given.files == ("long.csv",)
     assert "15 stretches" in given.notes[0]
@@ -104,7 +110,7 @@ def test_a_shift_of_all_torques_in_time_touches_every_joint(arm):
 
 def test_runs_of_joints_in_the_order_of_their_scales_are_tried_together():
     # By hand: 0.9, 1.0 and 1.4, 1.4; a run from 0.9 to 1.4 differs by more than a factor of one and a half.
-    runs = by_scales(np.array([1.4, 0.9, 1.4, 1.0]))
+    runs = groups_by_scales(np.array([1.4, 0.9, 1.4, 1.0]))
     assert runs[0] == (0, 2)
     assert {tuple(sorted(run)) for run in runs} == {(0, 2), (1, 3), (0, 3), (0, 2, 3)}
 
@@ -113,19 +119,19 @@ def test_a_scale_is_found_beside_friction_and_an_offset(rng):
     t = np.linspace(0, 10, 2000)
     model, v = np.column_stack([np.sin(t), np.cos(2 * t)]), np.column_stack([np.cos(3 * t), np.sin(5 * t)])
     measured = model * [1.4, 0.8] + 0.5 * np.sign(v) + 0.2 * v + 0.1
-    np.testing.assert_allclose(scales(measured, model, v), [1.4, 0.8], atol=0.02)
+    np.testing.assert_allclose(scale_of_joints(measured, model, v), [1.4, 0.8], atol=0.02)
 
 
 def test_drives_of_one_kind_are_tried_together():
-    groups = set(by_drives(load_robot("example:ur5")))
+    groups = set(groups_by_drives(load_robot("example:ur5")))
     assert (0, 1, 2, 3, 4, 5) in groups
     # The UR5's three wrists have one torque limit and one stem of a name.
     assert (3, 4, 5) in groups
 
 
 def test_joints_of_the_arm_and_of_the_wrist_are_tried_together():
-    assert by_place(4) == [(0, 1), (0, 1, 2), (2, 3), (1, 2, 3)]
-    assert by_place(2) == []
+    assert groups_by_place(4) == [(0, 1), (0, 1, 2), (2, 3), (1, 2, 3)]
+    assert groups_by_place(2) == []
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from by_night import by_night
-from identification.diagnosis.columns.structure import STRUCTURES, _swings_at
+from identification.diagnosis.columns.structure import STRUCTURES, _moves_at
 from identification.diagnosis.fit.fitting import fit
 from identification.pipeline import diagnose
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -181,4 +181,4 @@ def test_what_goes_with_a_sine_of_the_joint_is_no_rhythm_of_its_own(hertz, own):
     t = np.arange(4000) / 200.0
     q, v = np.sin(np.pi * t)[:, None], np.pi * np.cos(np.pi * t)[:, None]
     operation = Operation.of(load_robot(ROBOTS / "pendulum.urdf"), Motion(t, q, v, -(np.pi**2) * q))
-    assert _swings_at(hertz, operation, 0) is not own
+    assert _moves_at(hertz, operation, 0) is not own

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.signals import process_all
-from identification.diagnosis.columns.operations import expecting, operate, with_known
+from identification.diagnosis.columns.operations import operation_of, with_expected_torque, with_known
 from identification.diagnosis.columns.structure import STRUCTURES
 from identification.diagnosis.columns.terms import FoundEffect, KnownEffect, merged, shapes_of, untestable_effects
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor, standard_parameters
@@ -187,20 +187,20 @@ def test_the_transmissions_pass_what_a_payload_needs_and_not_what_a_rotor_needs(
     model.armature = np.zeros(2)
     smooth = replace(heavier, model=model, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
     expected = inverse_dynamics(smooth, operation)
-    np.testing.assert_allclose(expecting(operation, (payload, rotor)).load, expected, atol=1e-9)
+    np.testing.assert_allclose(with_expected_torque(operation, (payload, rotor)).load, expected, atol=1e-9)
 
 
 def test_what_was_found_of_the_load_is_not_counted_twice(lab, planar):
     operation = Operation.of(planar, lab.motion(2))
     spring = FoundEffect(effect_named("parasitic_spring"), "elbow", (), np.array([2.0, 0.3]))
-    once = expecting(operation, (spring,))
-    np.testing.assert_allclose(expecting(once, (spring,)).load, once.load, atol=1e-12)
+    once = with_expected_torque(operation, (spring,))
+    np.testing.assert_allclose(with_expected_torque(once, (spring,)).load, once.load, atol=1e-12)
 
 
 def test_friction_that_was_found_is_no_load(lab, planar):
     operation = Operation.of(planar, lab.motion(2))
     rubs = FoundEffect(effect_named("coulomb_friction"), "elbow", (), np.array([0.5]))
-    np.testing.assert_array_equal(expecting(operation, (rubs,)).load, operation.transmitted)
+    np.testing.assert_array_equal(with_expected_torque(operation, (rubs,)).load, operation.transmitted)
 
 
 def test_known_friction_under_load_and_torque_constants_are_those_of_the_robot_with_its_known_payload(
@@ -218,7 +218,7 @@ def test_known_friction_under_load_and_torque_constants_are_those_of_the_robot_w
     smooth = replace(heavier, model=model, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
     load = inverse_dynamics(smooth, log.motion)[:, 1]
     needed[:, 1] = (needed[:, 1] + 0.2 * np.abs(load) * np.sign(log.motion.v[:, 1])) / 0.8
-    np.testing.assert_allclose(operate(planar, log, known).tau, needed, atol=1e-9)
+    np.testing.assert_allclose(operation_of(planar, log, known).tau, needed, atol=1e-9)
 
 
 TURNED = (0.05, -0.08, 0.0)  # rad, across the gravity of an arm that hangs along z
@@ -243,4 +243,4 @@ def test_a_known_payload_is_where_the_links_truly_are(displacing, lab, planar, h
         model.gravity = pin.Motion(pin.exp3(np.array(TURNED)) @ model.gravity.linear, np.zeros(3))
     wanted = inverse_dynamics(replace(heavier, model=model), replace(log.motion, q=q))
     known = (KnownEffect("payload", None, PAYLOAD), *displacing)
-    np.testing.assert_allclose(operate(planar, log, known).tau, wanted, atol=1e-9)
+    np.testing.assert_allclose(operation_of(planar, log, known).tau, wanted, atol=1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 from identification.data.log import Log
 from identification.data.signals import low_pass
-from identification.diagnosis.columns.own_effects import Differences
+from identification.diagnosis.columns.one_recording_effects import Differences
 from identification.diagnosis.columns.session import Session, session_of_logs
 from identification.diagnosis.noise.repetitions import repetition_noise, repetitions
 from phantom_dyn import load_robot

@@ -259,12 +259,12 @@ def test_the_projection_of_a_fold_is_the_fit_without_it(sprung, rival, fold):
     base = solve(part.inner, right[:n])
     group, grams = np.array([own]), problem.grams
     among = problem.total_a[np.ix_(own, own)][None] - grams.fold_a.within(group)[fold]
-    x = solve(part.training(group, among)[0], (right - part.made.T @ right[:n])[own])
+    x = solve(part.training(group, among)[0], (right - part.coefficients.T @ right[:n])[own])
     explicit, plain = fit(problem, (term,)), fit(problem, ())
     np.testing.assert_allclose(x, explicit.fold_theta[fold][own], rtol=1e-6)
     np.testing.assert_allclose(base, plain.fold_theta[fold][:n], rtol=1e-6)
     inside, across = part.core
-    left = held - part.made.T @ held[:n] - (across.T - part.made.T @ inside) @ base
+    left = held - part.coefficients.T @ held[:n] - (across.T - part.coefficients.T @ inside) @ base
     gain = x @ (2 * left[own] - part.held_out(group, grams.fold_core_a.within(group)[fold])[0] @ x)
     assert gain == pytest.approx(plain.loss[mine].sum() - explicit.loss[mine].sum(), rel=1e-6)
 

@@ -40,14 +40,14 @@ def test_squares_are_those_that_least_squares_leaves(fits):
 
 def test_the_set_found_is_the_cheapest_of_all(fits):
     _, _, found = fits(noise=3.0)
-    every = [set_ for size in range(COLUMNS) for set_ in combinations(found.seen, size)]
+    every = [set_ for size in range(COLUMNS) for set_ in combinations(found.independent, size)]
     best = min(every, key=lambda chosen: found.squares(chosen) + PRICE * len(chosen))
     assert few_columns(found, PRICE) == best
 
 
 def test_two_columns_are_found_though_one_that_is_nearly_their_sum_explains_most_alone(fits):
     _, _, found = fits()
-    assert min(found.seen, key=lambda k: found.squares((k,))) == 4
+    assert min(found.independent, key=lambda k: found.squares((k,))) == 4
     assert few_columns(found, PRICE) == (2, 5)
 
 

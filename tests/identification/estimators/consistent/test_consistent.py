@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
+from identification.estimators.consistent.cone_program import Shape, Values, cone_program
 from identification.estimators.consistent.consistent import consistent
 from identification.estimators.consistent.consistent_bodies import (
     pseudo_inertia,
@@ -14,7 +15,6 @@ from identification.estimators.consistent.consistent_bodies import (
     reference_body,
     standard_of,
 )
-from identification.estimators.consistent.stated_program import Shape, Values, stated
 from identification.estimators.weighted_least_squares import wls
 from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
@@ -222,7 +222,7 @@ def half_space(normal, least) -> Values:
 
 @pytest.mark.parametrize(("normal", "least"), [([1.0, 0.0, 0.0], 2.0), ([3.0, 0.0, 4.0], 10.0)])
 def test_the_numbers_are_those_of_the_call(normal, least):
-    at, bound_multipliers, _, status = stated(SHAPE).solved(half_space(normal, least), 1e-10)
+    at, bound_multipliers, _, status = cone_program(SHAPE).solved(half_space(normal, least), 1e-10)
     wanted = least * np.array(normal) / np.dot(normal, normal)
     np.testing.assert_allclose(at, wanted, atol=1e-8)
     np.testing.assert_allclose(bound_multipliers, least / np.dot(normal, normal), rtol=1e-6)
@@ -231,10 +231,10 @@ def test_the_numbers_are_those_of_the_call(normal, least):
 
 def test_what_was_solved_before_leaves_no_trace():
     # Oracle: the same call again; a solver that begins at the last solution ends at other digits.
-    first = stated(SHAPE).solved(half_space([1.0, 2.0, 3.0], 1.0), 1e-7)[0]
-    stated(SHAPE).solved(half_space([-5.0, 0.5, 1.0], 7.0), 1e-7)
-    np.testing.assert_array_equal(stated(SHAPE).solved(half_space([1.0, 2.0, 3.0], 1.0), 1e-7)[0], first)
+    first = cone_program(SHAPE).solved(half_space([1.0, 2.0, 3.0], 1.0), 1e-7)[0]
+    cone_program(SHAPE).solved(half_space([-5.0, 0.5, 1.0], 7.0), 1e-7)
+    np.testing.assert_array_equal(cone_program(SHAPE).solved(half_space([1.0, 2.0, 3.0], 1.0), 1e-7)[0], first)
 
 
-def test_a_shape_is_stated_once():
-    assert stated(SHAPE) is stated(Shape(3, (), 1))
+def test_a_shape_has_one_program():
+    assert cone_program(SHAPE) is cone_program(Shape(3, (), 1))

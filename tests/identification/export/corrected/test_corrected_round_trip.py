@@ -9,7 +9,7 @@ import yaml
 
 from identification.data.log import Log
 from identification.data.signals import process_all
-from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.operations import operation_of
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Finding, Value
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
@@ -70,14 +70,14 @@ def test_an_effect_in_every_place_is_read_back_and_used(effect, waves, planar2, 
     put = tuple(drawn(effect, planar2, joint, waves, rng) for joint in effect.places(planar2))
     known = read_back(planar2, tuple(said(planar2, one) for one in put), tmp_path)
     assert known == put
-    assert np.isfinite(operate(planar2, log, known).tau).all()
+    assert np.isfinite(operation_of(planar2, log, known).tau).all()
 
 
 def test_all_effects_at_once_are_read_back_and_used(planar2, log, tmp_path, rng):
     put = tuple(drawn(e, planar2, joint, n, rng) for e, n in COUNTS for joint in e.places(planar2)[-1:])
     known = read_back(planar2, tuple(said(planar2, one) for one in put), tmp_path)
     assert known == put
-    assert np.isfinite(operate(planar2, log, known).tau).all()
+    assert np.isfinite(operation_of(planar2, log, known).tau).all()
 
 
 @pytest.mark.parametrize("effect", OF_WAVES, ids=lambda e: e.name)
@@ -92,7 +92,7 @@ def test_one_wave_that_was_written_as_numbers_is_read_as_a_list_of_one(effect, p
         number["value"], number["std"] = number["value"][0], number["std"][0]
     file.write_text(yaml.safe_dump(content))
     assert known_effects((file,), planar2) == (one,)
-    assert np.isfinite(operate(planar2, log, (one,)).tau).all()
+    assert np.isfinite(operation_of(planar2, log, (one,)).tau).all()
 
 
 @pytest.mark.parametrize(("name", "joint"), [("coulomb_friction", "shoulder+elbow"), ("joint_coupling", "elbow+elbow")])
@@ -110,7 +110,7 @@ def test_first_moments_of_a_load_that_may_weigh_nothing_are_read_back_as_its_pla
     load = Finding("payload", None, "posture", mass | moments, 0.5, (0.4, 0.6), 0.9, (), "supported")
     (known,) = read_back(planar2, (load,), tmp_path)
     assert known.theta == pytest.approx((0.2, 0.3, 0.0, 0.0))
-    assert np.isfinite(operate(planar2, log, (known,)).tau).all()
+    assert np.isfinite(operation_of(planar2, log, (known,)).tau).all()
 
 
 def test_base_parameters_of_a_link_are_read_back_beside_zeros(planar2, log, tmp_path):
@@ -119,7 +119,7 @@ def test_base_parameters_of_a_link_are_read_back_beside_zeros(planar2, log, tmp_
     found = Finding("inertial_parameters", "elbow", "posture", some, 0.5, (0.4, 0.6), 0.9, (), "supported")
     (known,) = read_back(planar2, (found,), tmp_path)
     assert known.theta == (0.0, 0.0, 0.0, 0.1, *[0.0] * 5, 0.02)
-    assert np.isfinite(operate(planar2, log, (known,)).tau).all()
+    assert np.isfinite(operation_of(planar2, log, (known,)).tau).all()
 
 
 def test_friction_of_passive_joints_is_read_back(tmp_path, rng):

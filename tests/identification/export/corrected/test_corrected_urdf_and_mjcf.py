@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.signals import process_all
-from identification.diagnosis.columns.operations import operate
+from identification.diagnosis.columns.operations import operation_of
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
 from identification.estimators.consistent.consistent_bodies import pseudo_inertia
@@ -343,7 +343,7 @@ def left(robot, recording, diagnosis):
     """What the findings leave of the recorded torque in the band, root mean square."""
     (log,), _ = process_all((recording,), robot)
     known = tuple(effect_of(robot, finding) for finding in findings_in_all_recordings(diagnosis))
-    rest = log.band(log.tau - operate(robot, log, known).tau)
+    rest = log.band(log.tau - operation_of(robot, log, known).tau)
     return np.sqrt(np.mean(rest**2, axis=0))
 
 

@@ -109,7 +109,7 @@ def test_the_table_says_that_it_has_no_memory(made_up):
 def test_the_law_is_in_the_model_to_use():
     residual = made_up_residual(lambda x: (2.0 - 0.05 * (x["t"] - 12.0)) * np.sign(x["v.j1"]))
     _, found = law_of(residual, (JointGap("j1", "N m", 1.0, 1.0, 0.1, 1200),))
-    assert found.model.lawful
+    assert found.model.contains_law
     assert {"sign(v)", "(t - 12)*sign(v)"} <= {term.text for term in found.model.terms}
 
 

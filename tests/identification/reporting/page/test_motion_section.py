@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.evidence import Followed
+from identification.diagnosis.evidence import SimulatedPositions
 from identification.diagnosis.result import Diagnosis
 from identification.reporting.charts.chart import short_name
 from identification.reporting.page import gap_figures as module
@@ -40,8 +40,8 @@ def moved(made_up) -> Diagnosis:
     strayed = (np.arange(1000) % WINDOW / WINDOW)[:, None] * np.array([0.0, 1.0, 0.0][: q.shape[1]])
     simulated = (np.arange(1000) // WINDOW % 2 == 0) & (np.arange(1000) % WINDOW > 0)
     before, after = (np.where(simulated[:, None], x, np.nan) for x in (q + strayed, q + 0.0))
-    followed = Followed(before, after, 0.5, controlled=False)
-    return dataclasses.replace(made, evidence=dataclasses.replace(made.evidence, followed=followed))
+    followed = SimulatedPositions(before, after, 0.5, controlled=False)
+    return dataclasses.replace(made, evidence=dataclasses.replace(made.evidence, simulated=followed))
 
 
 def curves(page: str) -> dict[str, dict]:
@@ -72,7 +72,7 @@ def test_the_errors_are_those_of_both_models_and_nothing_stands_between_windows(
     before, after = numbers(shown["before"]), numbers(shown["after"])
     t = np.frombuffer(base64.b64decode(shown["t"]), dtype="<f4")
     rows = np.searchsorted(moved.evidence.t, t - 1e-4)
-    expected = moved.evidence.q[rows, 1] - moved.evidence.followed.before[rows, 1]
+    expected = moved.evidence.q[rows, 1] - moved.evidence.simulated.before[rows, 1]
     np.testing.assert_allclose(before, expected, atol=1e-4)
     np.testing.assert_allclose(after[np.isfinite(after)], 0.0, atol=1e-9)
     assert np.isnan(before[rows // WINDOW % 2 == 1]).all()
@@ -241,7 +241,7 @@ def test_of_a_few_simulated_swings_every_sample_is_drawn(made_up):
     diagnosis = made_up(samples=40_000)
     followed = np.full(diagnosis.evidence.q.shape, np.nan)
     followed[20_000:20_100] = diagnosis.evidence.q[20_000:20_100]
-    evidence = dataclasses.replace(diagnosis.evidence, followed=Followed(followed, followed, 0.2, False))
+    evidence = dataclasses.replace(diagnosis.evidence, simulated=SimulatedPositions(followed, followed, 0.2, False))
     entry = json.loads(time_curves(dataclasses.replace(diagnosis, evidence=evidence), [0]))[0]
     assert entry["id"] == "positions-0"
     assert np.isin(np.float32(evidence.t[20_000:20_100]), np.float32(times(entry))).all()

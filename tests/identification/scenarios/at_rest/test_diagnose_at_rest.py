@@ -158,9 +158,9 @@ def test_a_play_of_the_bounds_size_is_seen_in_nearly_all_recordings(robot, rng):
 
 def test_a_servo_that_has_not_answered_yet_does_not_rest(robot, rng):
     # Known truth: ten rests of five samples each; before the answer the error is the whole step.
-    stills = standstill_samples(robot, (recorded(robot, WIDE, rng, gap=GAP),), 0)
-    assert stills.rests == len(WIDE)
-    assert np.abs(stills.error).max() < GAP
+    standstill = standstill_samples(robot, (recorded(robot, WIDE, rng, gap=GAP),), 0)
+    assert standstill.rests == len(WIDE)
+    assert np.abs(standstill.error).max() < GAP
 
 
 def test_what_is_excluded_holds_no_rests(robot, rng):

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from identification.data.readers.bags import rosbag
-from identification.data.readers.bags.unitree import FEET, base_columns, base_of, threshold
+from identification.data.readers.bags.unitree import FEET, base_columns, base_values, threshold
 from identification.data.readers.read_table import read_table
 from phantom_dyn.errors import LogError
 
@@ -187,13 +187,13 @@ def low_state(k: int) -> SimpleNamespace:
 
 
 def test_the_sensor_is_at_the_link_imu():
-    columns, _ = base_columns("bag", [base_of(low_state(k)) for k in range(SAMPLES)])
+    columns, _ = base_columns("bag", [base_values(low_state(k)) for k in range(SAMPLES)])
     np.testing.assert_allclose(columns["w.imu.x"], 0.1 * np.arange(SAMPLES))
     np.testing.assert_allclose(columns["sf.imu.z"], 9 + 0.01 * np.arange(SAMPLES))
 
 
 def test_a_foot_is_on_the_ground_beyond_halfway_between_two_levels_and_that_is_said():
-    columns, said = base_columns("bag", [base_of(low_state(k)) for k in range(SAMPLES)])
+    columns, said = base_columns("bag", [base_values(low_state(k)) for k in range(SAMPLES)])
     for foot in FEET:
         np.testing.assert_array_equal(columns[f"contact.{foot}"], ON)
     assert said[0].startswith("bag: a foot counts as on the ground from a force on of 66 of FR_foot, 67 of FL_foot")
@@ -208,17 +208,17 @@ def test_a_force_without_two_levels_says_nothing_of_contact(force):
 
 def test_without_forces_of_feet_there_is_the_sensor_alone():
     message_of_humanoid = SimpleNamespace(imu_state=low_state(1).imu_state)
-    columns, said = base_columns("bag", [base_of(message_of_humanoid)] * SAMPLES)
+    columns, said = base_columns("bag", [base_values(message_of_humanoid)] * SAMPLES)
     assert sorted(columns) == ["sf.imu.x", "sf.imu.y", "sf.imu.z", "w.imu.x", "w.imu.y", "w.imu.z"]
     assert said == ()
 
 
 def test_the_older_message_has_other_names():
     old = SimpleNamespace(imu=low_state(3).imu_state, footForce=[1, 2, 3, 4])
-    np.testing.assert_allclose(base_of(old), [0.3, 1, 2, 3, 4, 9.03, 1, 2, 3, 4])
+    np.testing.assert_allclose(base_values(old), [0.3, 1, 2, 3, 4, 9.03, 1, 2, 3, 4])
 
 
 def test_a_sensor_that_reads_nothing_gives_no_column():
     silent = SimpleNamespace(gyroscope=[0, 0, 0], accelerometer=[0, 0, 0])
     one = SimpleNamespace(imu_state=silent, foot_force=[0, 0, 0, 0])
-    assert base_columns("bag", [base_of(one)] * SAMPLES) == ({}, ())
+    assert base_columns("bag", [base_values(one)] * SAMPLES) == ({}, ())

@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.data.checks.against_model import model_torque
 from identification.data.checks.positions import still_joints
-from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.smoothed_copy import SmoothedRecording
 from identification.data.checks.torques.torque_lag import jackknife_error
 from identification.data.recording import Recording
 from phantom_dyn.array_types import Array, Float
@@ -51,7 +51,7 @@ class FrictionShare:
     visible: float
 
 
-def friction_shares(robot: Robot, smooth: Smooth) -> tuple[FrictionShare, ...]:
+def friction_shares(robot: Robot, smooth: SmoothedRecording) -> tuple[FrictionShare, ...]:
     """Ratio of fitted to modelled friction of each joint whose motion determines it.
 
     Joints without modelled friction, and joints that something other than their drive moves, are left out.
@@ -107,8 +107,8 @@ def _friction_share(
     return share, float(np.sqrt(np.mean(residual**2))), int(rank)
 
 
-def check_friction_taken(recording: Recording, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
-    """A warning on torques that lack the friction that the model states, with the entry of a column map.
+def check_subtracted_friction(recording: Recording, robot: Robot, smooth: SmoothedRecording) -> tuple[str, ...]:
+    """A warning on torques that lack the modelled friction, with the entry of a column map that adds it.
 
     Args:
         recording: Raw samples.
@@ -119,7 +119,7 @@ def check_friction_taken(recording: Recording, robot: Robot, smooth: Smooth) -> 
     lacking = [
         one
         for one in friction_shares(robot, smooth)
-        if one.joint not in (*recording.friction_taken, *still)
+        if one.joint not in (*recording.friction_subtracted, *still)
         and abs(one.share) + _SIGNIFICANT * one.std < _LARGEST_SHARE
         and one.visible > _VISIBLE
     ]

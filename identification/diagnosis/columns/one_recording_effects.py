@@ -31,8 +31,8 @@ _CHANGES: dict[Kind, tuple[str, ...]] = {
 }
 
 
-class OwnEffect(Effect):
-    """An effect of the catalogue whose columns are zero in all recordings but one.
+class OneRecordingEffect(Effect):
+    """An effect of the catalogue that acts in one recording only: its columns are zero in all others.
 
     Attributes:
         inner: The effect of the catalogue.
@@ -42,8 +42,8 @@ class OwnEffect(Effect):
 
     def __init__(self, inner: Effect, recording: int, file: str):
         self.inner, self.recording, self.file = inner, recording, file
-        self.name = own_name(inner.name, recording)
-        self._contains = tuple(own_name(name, recording) for name in inner.contains)
+        self.name = name_in_recording(inner.name, recording)
+        self._contains = tuple(name_in_recording(name, recording) for name in inner.contains)
         self.scope, self.regime, self.words, self.acts_as = inner.scope, inner.regime, inner.words, inner.acts_as
         # A gain in one recording does not scale the torque in the others.
         self.made_of = tuple(source for source in inner.made_of if source != "whole joint")
@@ -70,7 +70,7 @@ class OwnEffect(Effect):
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Columns of the catalogue's effect in the recording where it acts, and zeros in the others."""
-        return only_in(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
+        return zero_elsewhere(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Bounds of the coefficients, which are differences from the other recordings.
@@ -132,12 +132,12 @@ def changed_effects(kind: Kind, robot: Robot) -> tuple[Effect, ...]:
     return tuple(effect for change in _CHANGES[kind] for effect in effects_of(robot) if effect.changes_with == change)
 
 
-def own_name(name: str, recording: int) -> str:
+def name_in_recording(name: str, recording: int) -> str:
     """Unique name of an effect that acts in one recording only."""
     return f"{name}@{recording}"
 
 
-def only_in(recording: int, operation: Operation, signature: Signature) -> Signature:
+def zero_elsewhere(recording: int, operation: Operation, signature: Signature) -> Signature:
     """A signature that is zero in all recordings but one."""
     if operation.recording == recording:
         return signature
@@ -151,18 +151,18 @@ class Differences:
 
     Attributes:
         robots: The model of each recording; empty if the given model holds for all.
-        own: Effects that act in one recording only.
+        effects: Effects that act in one recording only.
     """
 
     robots: tuple[Robot, ...] = ()
-    own: tuple[OwnEffect, ...] = ()
+    effects: tuple[OneRecordingEffect, ...] = ()
 
     def robot(self, given: Robot, recording: int) -> Robot:
         """The model of one recording."""
         return self.robots[recording] if self.robots else given
 
 
-ALIKE = Differences()
+NO_DIFFERENCES = Differences()
 
 
 def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Differences:
@@ -180,7 +180,7 @@ def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Di
         LogError: If an unknown amount is in held-out recordings only, or payloads of several recordings are unknown.
     """
     if not changes:
-        return ALIKE
+        return NO_DIFFERENCES
     for change in changes[fitted:]:
         if change.unknown:
             raise LogError(
@@ -203,5 +203,5 @@ def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Di
         effects = changed_effects(kind, robot)
         stated = [k for k, change in enumerate(changes[:fitted]) if kind in change.unknown]
         for k in stated[1:] if len(stated) == fitted else stated:
-            own.update({(effect.name, k): OwnEffect(effect, k, changes[k].file) for effect in effects})
+            own.update({(effect.name, k): OneRecordingEffect(effect, k, changes[k].file) for effect in effects})
     return Differences(tuple(robot_in(robot, change) for change in changes), tuple(own.values()))

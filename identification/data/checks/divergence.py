@@ -30,7 +30,7 @@ _NO_TORQUE, _NO_POSITION = LARGEST["tau"], LARGEST["q"]
 _BEYOND, _LEAST_ROWS = 5.0, 6
 
 
-def ran_away(recording: Recording) -> Fault | None:
+def diverged(recording: Recording) -> Fault | None:
     """The fault of a recording in which the motion of a joint grows without bound; None without such a joint.
 
     Args:

@@ -22,7 +22,7 @@ import numpy as np
 
 from phantom_dyn.array_types import Array
 
-_KEPT = 8
+_MOST_PROGRAMS = 8
 """Number of programs that are kept: each needs some megabytes, and a run needs two or three."""
 
 
@@ -61,7 +61,7 @@ class Values:
 
 
 @dataclass(frozen=True)
-class Stated:
+class ConeProgram:
     """A cvxpy program whose numbers are set before each solution; a lock allows one solution at a time.
 
     Attributes:
@@ -114,15 +114,15 @@ class Stated:
 
 
 def _numbers(shape: Shape, values: Values) -> list[Array]:
-    """Numbers of a program of this shape, in the order in which `stated` makes its parameters."""
+    """Numbers of a program of this shape, in the order in which `cone_program` makes its parameters."""
     out = [values.rows, values.least] if shape.inequalities else []
     for at, first in enumerate(shape.bodies):
         out += [values.slopes[at][:, first:], values.constants[at], values.margins[at]]
     return out
 
 
-@lru_cache(maxsize=_KEPT)
-def stated(shape: Shape) -> Stated:
+@lru_cache(maxsize=_MOST_PROGRAMS)
+def cone_program(shape: Shape) -> ConeProgram:
     """The program of a shape, which is built once.
 
     cvxpy is imported here because it takes most of a second to load.
@@ -144,4 +144,4 @@ def stated(shape: Shape) -> Stated:
         matrix = cp.reshape(parameter(16, shape.unknowns - first) @ u[first:], (4, 4), order="C") + parameter(4, 4)
         bodies.append(matrix >> parameter(4, 4))
     problem = cp.Problem(cp.Minimize(0.5 * cp.sum_squares(u)), [*([] if limits is None else [limits]), *bodies])
-    return Stated(shape, problem, u, limits, bodies, parameters)
+    return ConeProgram(shape, problem, u, limits, bodies, parameters)
