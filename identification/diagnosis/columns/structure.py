@@ -2,9 +2,10 @@
 
 Each is a small group of columns for a class of causes: a slow change with time, a periodic force, a force that depends
 on the position, drag that grows with the square of the speed, drives that weaken with the load of all joints, a wrong
-scale of an encoder, and a force that carries weight without inertia. If the search chooses a structure, the cause of that part of the residual is reported as `unknown`. Structures compete with
-the effects of the catalogue at the price of their parameters. So an effect that only resembles the true structure is
-not claimed, and an effect of the catalogue beside such a structure is still found.
+scale of an encoder, and a force that carries weight without inertia. If the search chooses a structure, the cause of
+that part of the residual is reported as `unknown`. Structures compete with the effects of the catalogue at the price
+of their parameters. So an effect that only resembles the true structure is not claimed, and an effect of the catalogue
+beside such a structure is still found.
 
 The regime of a structure is the part of the motion in which it is largest. Its signature is its columns and the joints
 on which they act.
