@@ -26,6 +26,21 @@ def silent(_: str) -> None:
     """Reports no progress."""
 
 
+@pytest.fixture(scope="module")
+def rubbing(lab, planar2):
+    """The planar arm with Coulomb friction on the elbow that its model lacks."""
+    motion = lab.motion(2, 3)
+    return lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
+
+
+@pytest.fixture(scope="module")
+def two_lacking(lab, planar2):
+    """The planar arm with Coulomb friction on the elbow and viscous friction on the shoulder that its model lacks."""
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.3] - motion.v * [0.3, 0.0]
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
 @pytest.mark.parametrize(("size", "cost"), [(0, 0.0), (1, 5.0), (4, 20.0), (10, 26.0)])
 def test_four_parameters_pay_in_full_and_each_more_what_chance_gives(size, cost):
     assert price(size) == cost
@@ -151,31 +166,24 @@ def test_nothing_is_claimed_without_a_gap(quiet):
     assert stepwise_search(quiet.search, silent) == frozenset()
 
 
-def test_two_effects_at_once_are_found_on_their_joints(lab, planar2):
+def test_two_effects_at_once_are_found_on_their_joints(two_lacking):
     # Known truth.
-    motion = lab.motion(2, 3)
-    torque = -np.sign(motion.v) * [0.0, 0.3] - motion.v * [0.3, 0.0]
-    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
-    assert places(stepwise_search(prepared.search, silent)) == {
+    assert places(stepwise_search(two_lacking.search, silent)) == {
         ("coulomb_friction", "elbow"),
         ("viscous_friction", "shoulder"),
     }
 
 
-def test_the_result_of_an_earlier_search_is_compared_with_its_rivals_before_effects_join_it(lab, planar2, monkeypatch):
+def test_the_result_of_an_earlier_search_is_compared_with_its_rivals_before_effects_join_it(rubbing, monkeypatch):
     # Known truth: Coulomb friction on the elbow, where the earlier search found viscous friction.
-    motion = lab.motion(2, 3)
-    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
     begun = []
     monkeypatch.setattr(stepwise, "forward_selection", lambda search, chosen, _: begun.append(chosen) or chosen)
-    stepwise_search(prepared.search, silent, frozenset([prepared.term("viscous_friction", "elbow")]))
+    stepwise_search(rubbing.search, silent, frozenset([rubbing.term("viscous_friction", "elbow")]))
     assert places(begun[0]) == {("coulomb_friction", "elbow")}
 
 
-def test_a_threshold_that_no_gain_reaches_keeps_every_claim_away(lab, planar2):
-    motion = lab.motion(2, 3)
-    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
-    assert stepwise_search(prepared.searched(1e9), silent) == frozenset()
+def test_a_threshold_that_no_gain_reaches_keeps_every_claim_away(rubbing):
+    assert stepwise_search(rubbing.searched(1e9), silent) == frozenset()
 
 
 @pytest.mark.parametrize(("above", "found"), [(-1.0, True), (1.0, False)])
@@ -225,11 +233,8 @@ def test_gains_above_what_is_asked_for_are_those_of_the_fits_of_all(lab, planar2
         assert {term: gain for term, gain in some.items() if gain >= least} == above
 
 
-def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(lab, planar2, monkeypatch):
+def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(two_lacking, monkeypatch):
     # Known truth: whatever is added is dropped again together with everything else, every time.
-    motion = lab.motion(2, 3)
-    torque = -np.sign(motion.v) * [0.0, 0.3] - motion.v * [0.3, 0.0]
-    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
     visited: list[frozenset] = []
 
     def all_or_nothing(search, chosen):
@@ -238,8 +243,8 @@ def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(lab, planar
         return visited[-1]
 
     monkeypatch.setattr(stepwise, "backward_elimination", all_or_nothing)
-    found = stepwise.forward_selection(prepared.search, frozenset(), silent)
-    assert found == min(visited, key=prepared.search.score)
+    found = stepwise.forward_selection(two_lacking.search, frozenset(), silent)
+    assert found == min(visited, key=two_lacking.search.score)
 
 
 def test_a_coupling_is_compared_with_friction_of_each_of_its_joints(quiet):
