@@ -224,6 +224,12 @@ def _not_simulated(note: Note) -> str:
     return f"No motion was simulated under {_drive(note)}: {problem[:1].lower()}{problem[1:]}"
 
 
+def _other_band(note: Note) -> str:
+    edge, first = note.numbers["edge"], note.numbers["first"]
+    why = "noise of higher frequencies hides it" if edge < first else "most of it is left out"
+    return f"The gap shows in a band of 0 to {edge:.2g} Hz; in 0 to {first:.2g} Hz, as chosen from the data, {why}."
+
+
 MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.TORQUE_ASKED: filled("{file}: without torque columns, the torque is what its controllers asked for."),
     Code.MOTION_ONLY: _motion_only,
@@ -261,10 +267,7 @@ MOTION_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.DRIVE_DROPS: _drive_drops,
     Code.DRIVE_PROTECTED: _drive_protected,
     Code.RECORDINGS_UNLIKE: _recordings_unlike,
-    Code.OTHER_BAND: filled(
-        "The gap shows in a band of 0 to {edge:.2g} Hz. In the band chosen from the data, 0 to {first:.2g} Hz, it is "
-        "hidden by noise or left out."
-    ),
+    Code.OTHER_BAND: _other_band,
     Code.RECORDED_PAST_LIMITS: _recorded_past_limits,
     Code.RUNS_PAST_LIMIT: _runs_past_limit,
     Code.RUNS_PAST_LIMITS: _runs_past_limits,
