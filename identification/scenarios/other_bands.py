@@ -19,7 +19,7 @@ FACTORS = (0.25, 4.0)
 # Smallest factor between the edges of two bands that are judged separately: limits may prevent two octaves.
 _APART = 1.5
 # Residual of a joint, divided by the largest one of a sound model, above which another band shows a gap. The largest of
-# 70 sound robots was 1.53 (`benchmarks/blind/run.py`, users' logs and slow motions).
+# 55 sound robots was 1.53 (`benchmarks/blind/run.py`, users' logs and slow motions).
 _CLEAR = 2.0
 
 
