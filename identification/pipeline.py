@@ -211,12 +211,13 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     for factor in other_bands.FACTORS:
         try:
             other = _session(given, progress, factor)
-        except LogError:  # the filter of a narrow band is too long for the recordings
-            continue
-        if other_bands.differ(session.cutoff_hz, other.cutoff_hz):
+            if not other_bands.differ(session.cutoff_hz, other.cutoff_hz):
+                continue
             second = _of_session(given, other, progress)
-            if other_bands.shows_gap(second.diagnosis):
-                return replace(second, diagnosis=other_bands.in_other_band(second.diagnosis, found.diagnosis))
+        except LogError:  # the filter of a narrow band may leave too few samples
+            continue
+        if other_bands.shows_gap(second.diagnosis):
+            return replace(second, diagnosis=other_bands.in_other_band(second.diagnosis, found.diagnosis))
     return found
 
 

@@ -32,8 +32,8 @@ _SLOW = 3  # largest number of half waves of a drift within the recording
 # If a joint's position and velocity explain more than this share of the squares of sine and cosine at a frequency, a
 # torque at that frequency is an effect of the motion and no rhythm.
 _OF_THE_MOTION = 0.9
-# Smallest square of a combination of columns, as a share of the largest, with which it counts as a column of its own;
-# number of postures in which these squares are computed.
+# Smallest square of a combination of columns, as a share of the largest, with which it counts as a column of its own
+# (the largest counts as at least one, so that a link without weight has no column); number of postures for the squares.
 _INDEPENDENT, _POSTURES = 1e-4, 60
 
 
