@@ -18,7 +18,7 @@ from identification.words.diagnosis_words import capital, effect_at_finding, joi
 from identification.words.geometry_words import all_findings
 from identification.words.ledger_words import listed, why
 from identification.words.note_words import sentences
-from identification.words.numbers_and_names import number, percent_short_of_all, value_words, with_stated_probabilities
+from identification.words.numbers_and_names import number, percent_short_of_all, value_words
 from phantom_dyn.arguments import FOLDER, NAMES, TEXT, or_none, path_of, takes
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
@@ -122,7 +122,7 @@ class Diagnosis:
                     share_of_gap(finding),
                     sureness(finding.probability),
                 )
-                for finding in with_stated_probabilities(self.result).findings
+                for finding in self.result.findings
             ]
             parts.append(_table(("finding", "size", "share of the gap", "certainty"), rows))
         else:

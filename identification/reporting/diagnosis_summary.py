@@ -21,7 +21,6 @@ from identification.words.numbers_and_names import (
     number,
     percent_short_of_all,
     value_words,
-    with_stated_probabilities,
 )
 from identification.words.verdict_words import closed_by_tolerances, verdict_sentence
 from phantom_dyn.errors import printable, shortened
@@ -41,7 +40,7 @@ _DIFFERS = 2.0  # a parameter counts as different from zero above this number of
 def summary(diagnosis: Diagnosis) -> str:
     """The summary: verdict, gap, findings with their sizes, a table of joints, and the most important notes."""
     poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
-    diagnosis = with_stated_probabilities(diagnosis.with_torque_verdict)
+    diagnosis = diagnosis.with_torque_verdict
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
     proposed = next_experiment_lines(diagnosis)
     if proposed:

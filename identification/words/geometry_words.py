@@ -8,7 +8,7 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival,
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
 from identification.words.diagnosis_words import capital, joined, of_the_gap, share_of_gap, sureness
 from identification.words.note_words import sentences as note_sentences
-from identification.words.numbers_and_names import NO_BREAK, number, value_words, with_stated_probabilities
+from identification.words.numbers_and_names import NO_BREAK, number, value_words
 from identification.words.verdict_words import headline
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ EFFECTS = {
 
 def verdict_sentences(diagnosis: Diagnosis) -> str:
     """The verdict in a few sentences: on the torques if there are any, then on the poses if there are any."""
-    torques = [] if diagnosis.poses_alone else [headline(with_stated_probabilities(diagnosis.with_torque_verdict))]
+    torques = [] if diagnosis.poses_alone else [headline(diagnosis.with_torque_verdict)]
     return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
 
 

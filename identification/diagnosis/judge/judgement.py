@@ -27,6 +27,7 @@ from identification.diagnosis.judge.evidence_samples import evidence_of
 from identification.diagnosis.judge.file_numbers import fitted_numbers
 from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
 from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, size_remarks
+from identification.diagnosis.judge.findings.remaining_gap import beside_remaining_gap
 from identification.diagnosis.judge.findings.shown import after_motion_gate, shown_effects
 from identification.diagnosis.judge.findings.sound_sizes import all_plausible
 from identification.diagnosis.judge.floors import (
@@ -83,8 +84,6 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     ]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
     kept = [claim for claim in claims if not claim.minor]
-    findings = tuple(claim.finding for claim in kept)
-    minor = tuple(claim.finding for claim in claims if claim.minor)
     after = _without_rounding(residual_sums(problem, residual), rounding.total)
     bursts = _distinct_events(problem, result)
     structure = unexplained(shown.plain, shown.chosen, judge, residual, result.whole, result.floor.predictable)
@@ -92,6 +91,8 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     by_regime = _by_regime(problem, result)
     joints = joint_gaps(problem, result.floor, before, within, after, by_regime, foreseen=predictable)
     structure = _with_joint(_with_times(structure, bursts), problem, residual, joints)
+    findings = tuple(beside_remaining_gap(claim.finding, joints) for claim in kept)
+    minor = tuple(beside_remaining_gap(claim.finding, joints) for claim in claims if claim.minor)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = detection_limits(
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen, result.floor.allowed

@@ -39,7 +39,7 @@ from identification.words import diagnosis_words as words
 from identification.words.ledger_words import nearest_claims
 from identification.words.note_words import sentences
 from identification.words.notes_on_motion import simulated_motion_words
-from identification.words.numbers_and_names import percent_short_of_all, with_stated_probabilities
+from identification.words.numbers_and_names import percent_short_of_all
 from identification.words.verdict_words import (
     closed_by_tolerances,
     headline,
@@ -80,7 +80,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_file
 
     poses = None if diagnosis.geometry is None else poses_view(diagnosis.geometry)
     badge = VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " "))
-    diagnosis = with_stated_probabilities(diagnosis.with_torque_verdict)
+    diagnosis = diagnosis.with_torque_verdict
     diagnosis = replace(diagnosis, evidence=diagnosis.evidence.drawn)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")

@@ -14,6 +14,7 @@ from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.evidence import Evidence
+from identification.diagnosis.judge.findings.remaining_gap import beside_remaining_gap
 from identification.diagnosis.result import (
     Bound,
     Diagnosis,
@@ -81,8 +82,10 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     why = [_untestable_reason(robot, standstill, row) for row, standstill in enumerate(every)]
     fits = {row: fitted_rests(standstill) for row, standstill in enumerate(every) if why[row] is None}
     rows = sorted(fits, key=lambda row: -abs(fits[row].shift))
-    findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], fits[row]))
     gaps = tuple(_gap(robot, row, every[row], fits.get(row)) for row in range(robot.nv))
+    findings = tuple(
+        beside_remaining_gap(finding, gaps) for row in rows for finding in _findings(robot, row, every[row], fits[row])
+    )
     unexplained = _unexplained(robot, every, fits)
     warnings = [note for row in rows for note in _rest_notes(robot, row, every[row], fits[row])]
     found = Diagnosis(
