@@ -196,11 +196,26 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
     middle = float(np.median(needed))
     if not _NEEDED[0] * limit < middle < _NEEDED[1] * limit:
         return False
-    if float(needed.std()) >= _SPREAD * limit:
+    if _slow_deviation(needed, np.flatnonzero(beyond), operation.dt) >= _SPREAD * limit:
         return False
     if beyond.mean() > _OFTEN:
         return beyond.mean() < _NEARLY_ALWAYS and _is_surely_flat(operation, limit, excess[beyond], needed)
     return _is_flat(operation, row, limit, excess)
+
+
+def _slow_deviation(needed: Array, samples: Array, dt: float) -> float:
+    """Standard deviation of means over up to `_LEAST_SECONDS`, which has little of the noise of accelerations.
+
+    Args:
+        needed: Needed torque at some samples, ``(n,)``.
+        samples: Indices of these samples, ``(n,)``. A mean is over neighbours only.
+        dt: Time between samples [s].
+    """
+    steps = np.arange(len(samples)) // max(int(_LEAST_SECONDS / dt), 1)
+    starts = np.flatnonzero(np.concatenate([[True], (np.diff(samples) > 1) | (np.diff(steps) > 0)]))
+    counts = np.diff([*starts, len(samples)])
+    means = np.add.reduceat(needed, starts) / counts
+    return float(np.sqrt(np.average((means - needed.mean()) ** 2, weights=counts)))
 
 
 def _is_surely_flat(operation: Operation, limit: float, excess: Array, needed: Array) -> bool:
