@@ -22,7 +22,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.other_law import other_law_shift
 from identification.diagnosis.fit.possible_bodies import Body, possible_minimum
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.repeated_error import equations, repeated_variance
+from identification.diagnosis.fit.repeated_error import equations, repeated_covariance
 from identification.diagnosis.fit.whole_model import (
     Linearised,
     ModelLayout,
@@ -119,11 +119,17 @@ def full_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> FullFi
     # Unobservable parameters keep their values: for example, an inertia of a link that never turns about that axis.
     precision = np.where(np.einsum("bkk->k", a) + precision < _LEAST_INFORMATION, 1.0, precision)
     total, free = a.sum(axis=0) + np.diag(precision), free_parameters(b, precision, x, (lower, upper))
-    linear, repeated = equations(layout, model), np.zeros(len(x))
-    repeated[free] = repeated_variance(
+    linear, repeated = equations(layout, model), np.zeros((len(x), len(x)))
+    repeated[np.ix_(free, free)] = repeated_covariance(
         linear.slopes[:, free], linear.residual, total[np.ix_(free, free)], linear.states, linear.blocks
     )
-    cov = covariance(a, b, precision, x, free, repeated)
+    # The scatter between some blocks says little about the correlations of the ten parameters of a body.
+    together = tuple(
+        slice(slices.coefficients.start, slices.shape.stop)
+        for slices in layout.term_slices
+        if slices.term.effect.inertial is None
+    )
+    cov = covariance(a, b, precision, x, free, repeated, together)
     if layout.depends_on_model:
         cov = cov + _model_covariance(layout, model, x, cov, total)
     cov = within_tolerances(x, cov, problem.nuisance_count, lower, upper)

@@ -81,16 +81,16 @@ def equations(layout: ModelLayout, model: Linearised) -> Equations:
     return Equations(np.concatenate(slopes), np.concatenate(residuals), groups, np.concatenate(blocks))
 
 
-def repeated_variance(
+def repeated_covariance(
     slopes: Float[Array, "m p"],
     residual: Float[Array, " m"],
     total: Float[Array, "p p"],
     states: Iterable[Int[Array, " m"]],
     blocks: Int[Array, " m"],
-) -> Float[Array, " p"]:
-    """Variance of each parameter of a fit from residuals that repeat in several blocks at the same state.
+) -> Float[Array, "p p"]:
+    """Covariance of the parameters of a fit from residuals that repeat in several blocks at the same state.
 
-    It is set to zero where white noise alone can cause it.
+    It is zero for parameters whose variance may be that of white noise alone.
 
     Args:
         slopes: Derivatives of the equations, divided by the standard deviation of their noise.
@@ -101,15 +101,16 @@ def repeated_variance(
     """
     root = _inverse_root(total)
     scaled = slopes @ root
-    variance, chance = np.zeros(slopes.shape[1]), np.zeros(slopes.shape[1])
+    repeated, chance = np.zeros((slopes.shape[1],) * 2), np.zeros(slopes.shape[1])
     for state in states:
         within_blocks = state * (blocks.max(initial=0) + 1) + blocks
         across_blocks = scatter(scaled, residual, state) - scatter(scaled, residual, within_blocks)
-        variance += np.einsum("pr,rs,ps->p", root, across_blocks, root)
+        repeated += root @ across_blocks @ root.T
         # With white noise, the variance of a group's score is the group's information on the parameter.
         information = [((scaled[state == group] @ root.T) ** 2).sum(axis=0) for group in np.unique(state)]
         chance += 2.0 * np.square(information).sum(axis=0)
-    return np.where(variance > CHANCE_DEVIATIONS * np.sqrt(chance), variance, 0.0)
+    certain = np.diag(repeated) > CHANCE_DEVIATIONS * np.sqrt(chance)
+    return np.where(np.outer(certain, certain), repeated, 0.0)
 
 
 def scatter(slopes: Float[Array, "m r"], residual: Float[Array, " m"], labels: Int[Array, " m"]) -> Float[Array, "r r"]:

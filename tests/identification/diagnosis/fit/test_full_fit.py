@@ -206,10 +206,27 @@ def test_the_pull_on_a_number_that_a_bound_holds_is_no_scatter():
     def known(pull):
         pulled = np.column_stack([pull, b[:, 1:]])
         free = free_parameters(pulled, np.zeros(3), np.zeros(3), bounds)
-        return covariance(a, pulled, np.zeros(3), np.zeros(3), free, np.zeros(3))
+        return covariance(a, pulled, np.zeros(3), np.zeros(3), free, np.zeros((3, 3)))
 
     one, other = (known(pull) for pull in pulls)
     np.testing.assert_allclose(one, other)
+
+
+def test_numbers_that_blocks_shift_against_each_other_have_a_certain_sum():
+    # Closed form: two numbers in the same equations but for little, and errors that shift the blocks along their
+    # difference. The sum has the deviation of the noise alone, the difference that of the blocks.
+    rng = np.random.default_rng(0)
+    sums, differences = rng.standard_normal((2, 12, 400, 1))
+    design = sums * np.array([1.0, 1.0]) + 0.1 * differences * np.array([1.0, -1.0])
+    off = 3.0 * rng.standard_normal((12, 1)) * 0.1 * differences[..., 0]
+    a, b = np.einsum("bnp,bnq->bpq", design, design), np.einsum("bnp,bn->bp", design, off)
+    given = (a, b, np.zeros(2), np.zeros(2), np.arange(2), np.zeros((2, 2)))
+    of_sum, of_difference = np.array([1.0, 1.0]), np.array([1.0, -1.0])
+    noise = np.linalg.inv(a.sum(axis=0))
+    apart, together = covariance(*given), covariance(*given, (slice(0, 2),))
+    assert of_sum @ apart @ of_sum > 10.0 * (of_sum @ noise @ of_sum)
+    assert of_sum @ together @ of_sum == pytest.approx(of_sum @ noise @ of_sum, rel=0.3)
+    assert of_difference @ together @ of_difference == pytest.approx(of_difference @ apart @ of_difference, rel=0.3)
 
 
 def test_the_deviations_of_a_load_count_that_it_may_be_no_point(lab, planar2, trusted):

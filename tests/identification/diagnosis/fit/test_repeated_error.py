@@ -7,7 +7,7 @@ from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.repeated_error import (
     STATE_GROUPS,
     equations,
-    repeated_variance,
+    repeated_covariance,
     scatter,
     state_groups,
 )
@@ -54,7 +54,7 @@ def test_white_noise_comes_again_as_rarely_as_a_normal_number_is_a_deviation_off
     # (chi-square law of four degrees of freedom: more than 4 + sqrt(8)).
     slopes, states, blocks = design
     seen = [
-        repeated_variance(slopes, left_by_fit(slopes, one), slopes.T @ slopes, (states,), blocks)[2] > 0
+        repeated_covariance(slopes, left_by_fit(slopes, one), slopes.T @ slopes, (states,), blocks)[2, 2] > 0
         for one in rng.standard_normal((1000, len(states)))
     ]
     assert np.mean(seen) == pytest.approx(chi2.sf(4.0 + np.sqrt(8.0), 4), abs=0.04)
@@ -72,9 +72,9 @@ def test_what_comes_again_at_a_state_widens_a_number_as_it_scatters_over_robots(
     for _ in range(200):
         torque = off * rng.standard_normal(STATE_GROUPS)[states] + rng.standard_normal(len(states))
         residual = left_by_fit(slopes, torque)
-        repeated = repeated_variance(slopes, residual, slopes.T @ slopes, (states,), blocks)
+        repeated = repeated_covariance(slopes, residual, slopes.T @ slopes, (states,), blocks)
         stated += np.diag(sandwich(slopes, blocks, residual, repeated)) / 200
-        blind += np.diag(sandwich(slopes, blocks, residual, np.zeros(3))) / 200
+        blind += np.diag(sandwich(slopes, blocks, residual, np.zeros((3, 3)))) / 200
     assert truth[1] > 5.0 * blind[1]  # blocks cannot see it
     assert stated[1] == pytest.approx(truth[1], rel=0.3)
     assert truth[2] < stated[2] < 1.5 * truth[2]  # no state has much to do with it
@@ -87,7 +87,7 @@ def test_noise_that_lasts_within_blocks_is_not_counted_twice(design, rng):
     for _ in range(200):
         torque = rng.standard_normal(BLOCKS)[blocks] + rng.standard_normal(len(blocks))
         residual = left_by_fit(slopes, torque)
-        repeated = repeated_variance(slopes, residual, slopes.T @ slopes, (states,), blocks)
+        repeated = repeated_covariance(slopes, residual, slopes.T @ slopes, (states,), blocks)
         stated += np.diag(sandwich(slopes, blocks, residual, repeated)) / 200
         found.append(np.linalg.lstsq(slopes, torque, rcond=None)[0])
     np.testing.assert_allclose(stated, np.var(found, axis=0), rtol=0.4)
@@ -98,7 +98,7 @@ def test_a_number_that_one_sample_alone_decides_is_left_as_it_is(design):
     slopes, states, blocks = design
     slopes = np.column_stack([slopes, (np.arange(len(states)) == 7).astype(float)])
     residual = left_by_fit(slopes, np.sin(np.arange(len(states))))
-    assert repeated_variance(slopes, residual, slopes.T @ slopes, (states,), blocks)[3] < 0.01
+    assert repeated_covariance(slopes, residual, slopes.T @ slopes, (states,), blocks)[3, 3] < 0.01
 
 
 def fitted_as_coulomb(lab, robot, motion, effect, *numbers):
@@ -116,8 +116,8 @@ def fitted_as_coulomb(lab, robot, motion, effect, *numbers):
 
 def more_of_it(given, total, at):
     """Variance of a number by what comes again at the same state, in the noise model's variance."""
-    more = repeated_variance(given.slopes, given.residual, total, given.states, given.blocks)
-    return more[at] / np.linalg.inv(total)[at, at]
+    more = repeated_covariance(given.slopes, given.residual, total, given.states, given.blocks)
+    return more[at, at] / np.linalg.inv(total)[at, at]
 
 
 def test_a_joint_is_at_a_state_of_its_own_in_every_equation(lab, planar2):
