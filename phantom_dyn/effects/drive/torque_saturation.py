@@ -213,7 +213,7 @@ def _slow_deviation(needed: Array, samples: Array, dt: float) -> float:
     """
     steps = np.arange(len(samples)) // max(int(_LEAST_SECONDS / dt), 1)
     starts = np.flatnonzero(np.concatenate([[True], (np.diff(samples) > 1) | (np.diff(steps) > 0)]))
-    counts = np.diff([*starts, len(samples)])
+    counts = np.diff(np.append(starts, len(samples)))
     means = np.add.reduceat(needed, starts) / counts
     return float(np.sqrt(np.average((means - needed.mean()) ** 2, weights=counts)))
 
