@@ -20,6 +20,7 @@ from identification.diagnosis.columns.layout import TermColumns, lay_out
 from identification.diagnosis.columns.motion.one_sine import moving, uninformative_sines, without_motion
 from identification.diagnosis.columns.motion.standstill import (
     friction_sign_unknown,
+    held_std,
     reversal_std,
     standstill_std,
     usable_samples,
@@ -272,8 +273,11 @@ def _assembled(
         given.reversal_std,
         # Friction includes that of the last fit.
         tuple(
-            standstill_std(log, friction_sign_unknown(robot, log), friction_with(operation, found))
-            for log, operation in zip(session.logs, given.operations, strict=True)
+            np.maximum(
+                standstill_std(log, friction_sign_unknown(robot, log), friction_with(operation, found)),
+                held_std(robot, log, residual),
+            )
+            for log, operation, residual in zip(session.logs, given.operations, given.residual, strict=True)
         ),
         given.operations,
         term_columns,

@@ -225,6 +225,21 @@ def standstill_std(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
     return _after_filter(log, np.sqrt(4.0 / 3.0) * np.where(stands, _largest_nearby(log, friction), 0.0))
 
 
+def held_std(robot: Robot, log: Log, residual: Float[Array, "n nv"]) -> Float[Array, "n nv"]:
+    """Standard deviation, in the band, of what friction that the model lacks may hold while a joint stands still.
+
+    Such friction is not known, but what it holds is no more than the residual.
+
+    Args:
+        robot: States the steps of the encoders.
+        log: The recording.
+        residual: Residual of the given model, in the band.
+    """
+    time, size = np.arange(len(log.motion.v)), np.abs(residual)
+    held = np.column_stack([np.interp(time, log.samples, size[:, j]) for j in range(size.shape[1])])
+    return _after_filter(log, np.where(encoder_still(robot, log), _largest_nearby(log, held), 0.0))
+
+
 def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
     """Standard deviation of the friction torque, in the band, of joints that creep or reverse.
 
