@@ -53,6 +53,7 @@ class Code(Enum):
     POSSIBLE_LOAD = auto()
     DRIVE_SUM = auto()
     PERHAPS_VOLTS = auto()
+    HELD_TORQUE = auto()
     CENTER_TO_WRITE = auto()
     ONE_SIDED = auto()
     SUMS = auto()

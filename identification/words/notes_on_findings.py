@@ -147,6 +147,15 @@ def _perhaps_volts(note: Note) -> str:
     )
 
 
+def _held_torque(note: Note) -> str:
+    return (
+        f"The viscous friction of {joints_words(list(note.numbers['joints']))} may be none: a position controller that "
+        "holds each reference for a row of the log changes its torque within the row, and a torque that is read once "
+        "per row, always at the same time after a new reference, looks like viscous friction of up to kp/2 times the "
+        "time between rows. Record the mean torque of each row, or every step of the controller."
+    )
+
+
 def _center_to_write(note: Note) -> str:
     n = note.numbers
     # A tenth of a millimetre is below the accuracy of every finding; + 0.0 removes the sign of zero.
@@ -185,6 +194,7 @@ FINDING_WORDS: Mapping[Code, Callable[[Note], str]] = {
     Code.POSSIBLE_LOAD: _possible_load,
     Code.DRIVE_SUM: _drive_sum,
     Code.PERHAPS_VOLTS: _perhaps_volts,
+    Code.HELD_TORQUE: _held_torque,
     Code.CENTER_TO_WRITE: _center_to_write,
     Code.ONE_SIDED: _one_sided,
     Code.SUMS: _sums,

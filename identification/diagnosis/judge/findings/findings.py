@@ -25,6 +25,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, positions_of_bodies, possible_minimum
 from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.held_torque import held_references_imitate
 from identification.diagnosis.judge.findings.imitation import (
     UNCERTAIN,
     beside_imitation,
@@ -75,7 +76,8 @@ _FAR_FROM_ONE = 0.25
 def size_remarks(shown: Shown) -> tuple[Said, ...]:
     """Notes on the sizes of findings, such as one-sided intervals, missing parts and implausible sizes."""
     robot = shown.problem.session.robot
-    out = list[Said]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown), *center_notes(shown)))
+    of_drives = (*drive_sum_notes(shown), *volts_notes(shown), *held_torque_notes(shown))
+    out = list[Said]((*of_drives, *one_sided_notes(shown), *center_notes(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.full_fit.coefficients(term)
         assert isinstance(effect, Effect)
@@ -136,9 +138,10 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
             comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
         if not computed_torque.isdisjoint(rows):
             comparison = with_limit(comparison, term, contract_levels.DOUBTED)
-        if not unmodelled.isdisjoint(rows):
+        own = shown.full_fit.coefficients(term)
+        if not unmodelled.isdisjoint(rows) or held_references_imitate(problem.session, term, own):
             comparison = replace(comparison, probability=min(comparison.probability, contract_levels.DOUBTED))
-        comparison = beside_untestable_rivals(problem, term, shown.full_fit.coefficients(term), comparison)
+        comparison = beside_untestable_rivals(problem, term, own, comparison)
         low, high = np.percentile(gap_share(without, drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
@@ -152,7 +155,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
             verdict="one_of" if comparison.rivals else "supported",
             loadings=finding_loadings(robot, term, fitted),
             share=shares[term],
-            law=_simulator_of_law(robot, term, shown.full_fit.coefficients(term)),
+            law=_simulator_of_law(robot, term, own),
         )
         growth = np.sqrt(np.maximum(without.rms() ** 2 - after.rms() ** 2, 0.0))
         large = large_enough(finding.gap_closed, float(np.max(growth / floor)))
@@ -229,6 +232,18 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
         joints = [joint for joint in session.robot.joint_names if joint in candidates & damped]
         out += [Note(Code.PERHAPS_VOLTS, None, {"joints": joints, "found": found})] if joints else []
     return tuple(out)
+
+
+def held_torque_notes(shown: Shown) -> tuple[Note, ...]:
+    """A note on joints whose viscous friction may be a torque read at a fixed time after each held reference.
+
+    Args:
+        shown: The findings, with the fit of all their parameters.
+    """
+    session, fitted = shown.problem.session, shown.full_fit
+    terms = [term for term in shown.named if held_references_imitate(session, term, fitted.coefficients(term))]
+    joints = [joint for joint in session.robot.joint_names if any(term.joint == joint for term in terms)]
+    return (Note(Code.HELD_TORQUE, None, {"joints": joints}),) if joints else ()
 
 
 def center_notes(shown: Shown) -> tuple[Note, ...]:

@@ -13,6 +13,7 @@ from identification.diagnosis.columns.motion.standstill import (
     creeping_std,
     direction_hidden,
     encoder_still,
+    held_std,
     near_reversals,
     standstill_std,
     uncertain_friction_variance,
@@ -122,6 +123,16 @@ def test_standing_friction_is_evenly_anywhere_up_to_breakaway():
     doubt = standstill_std(log, stands, 0.3 * np.sign(rng.normal(size=(len(T), 1))))
     apart = rng.uniform(-0.3, 0.3, 100_000) - 0.3 * rng.choice([-1, 1], 100_000)
     np.testing.assert_allclose(doubt, apart.std(), rtol=0.01)
+
+
+def test_a_joint_at_standstill_may_hold_what_the_model_leaves_there_and_nothing_while_it_moves(pendulum):
+    # By hand: it stands from 1 to 2 s, where the model leaves 0.9 N m, and 0.1 N m elsewhere.
+    log = log_of(stopping())
+    t = T[log.samples]
+    left = np.where((t >= 1.0) & (t <= 2.0), -0.9, 0.1)[:, None]
+    held = held_std(pendulum, log, left)[:, 0]
+    np.testing.assert_allclose(held[(t > 1.06) & (t < 1.94)], 0.9, rtol=1e-9)
+    assert not held[(t < 0.94) | (t > 2.06)].any()
 
 
 def test_what_standing_leaves_open_reaches_as_far_as_the_filter():
