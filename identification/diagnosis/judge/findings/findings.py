@@ -241,8 +241,9 @@ def held_torque_notes(shown: Shown) -> tuple[Note, ...]:
         shown: The findings, with the fit of all their parameters.
     """
     session, fitted = shown.problem.session, shown.full_fit
-    terms = [term for term in shown.named if held_references_imitate(session, term, fitted.coefficients(term))]
-    joints = [joint for joint in session.robot.joint_names if any(term.joint == joint for term in terms)]
+    viscous = [term for term in shown.named if term.effect.name == "viscous_friction"]
+    imitated = {term.joint for term in viscous if held_references_imitate(session, term, fitted.coefficients(term))}
+    joints = [joint for joint in session.robot.joint_names if joint in imitated]
     return (Note(Code.HELD_TORQUE, None, {"joints": joints}),) if joints else ()
 
 

@@ -14,9 +14,9 @@ from phantom_dyn.model.robot import Controller
 KP, ROW = 60.0, 0.01
 
 
-def session_of(robot, reference_gain=None, kp=KP):
+def session_of(robot, reference_gain=None, kp=KP, held=False):
     drives = tuple(replace(drive, controller=Controller("pd", kp, 1.5) if kp else None) for drive in robot.actuators)
-    recording = SimpleNamespace(t=ROW * np.arange(100), reference_gain=reference_gain)
+    recording = SimpleNamespace(t=ROW * np.arange(100), reference_gain=reference_gain, references_held=held)
     return SimpleNamespace(robot=replace(robot, actuators=drives), recordings=(recording,))
 
 
@@ -51,3 +51,10 @@ def test_the_sawtooth_of_a_held_reference_may_be_what_looks_like_viscous_frictio
 def test_no_other_effect_and_no_other_drive_is_doubted_by_it(planar2, effect, case):
     term = term_of(effect, planar2.joint_names[1])
     assert not held_references_imitate(session_of(planar2, **case), term, np.array([0.1]))
+
+
+@pytest.mark.parametrize(("rows", "held", "doubted"), [(0.5, False, True), (1.0, False, False), (0.5, True, False)])
+def test_a_reference_that_is_late_by_half_a_row_may_be_held(planar2, rows, held, doubted):
+    # By hand: a reference that is held for a row is half a row late on average, unless the hold was counted already.
+    session = session_of(planar2, np.array([KP, KP]), held=held)
+    assert held_references_imitate(session, term_of("reference_delay", None), np.array([rows * ROW])) == doubted
