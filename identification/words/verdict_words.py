@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import product
 
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
-from identification.diagnosis.judge.verdict import may_hide_gap, ordinary_effects_hide, torques_may_be_noise
+from identification.diagnosis.judge.verdict import may_hide_gap, ordinary_effects_may_hide, torques_may_be_noise
 from identification.diagnosis.result import (
     Adjusted,
     Diagnosis,
@@ -269,7 +269,7 @@ def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
 
 def _of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:
     """Joints whose unknown noise is the only reason why the verdict is not ``no_gap``; else empty."""
-    if torques_may_be_noise(diagnosis.joints) or ordinary_effects_hide(diagnosis.bounds):
+    if torques_may_be_noise(diagnosis.joints) or ordinary_effects_may_hide(diagnosis.bounds):
         return []
     return [gap for gap in diagnosis.joints if gap.hold_out_samples and not gap.noise_is_known and gap.rms_torque]
 

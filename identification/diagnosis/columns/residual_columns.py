@@ -25,7 +25,7 @@ from identification.diagnosis.columns.motion.standstill import (
     usable_samples,
 )
 from identification.diagnosis.columns.operations import (
-    friction_with,
+    friction_torque_with,
     operation_of,
     true_robot_and_motion,
     with_expected_torque,
@@ -272,7 +272,7 @@ def _assembled(
         given.reversal_std,
         # Friction includes that of the last fit.
         tuple(
-            standstill_std(log, friction_sign_unknown(robot, log), friction_with(operation, found))
+            standstill_std(log, friction_sign_unknown(robot, log), friction_torque_with(operation, found))
             for log, operation in zip(session.logs, given.operations, strict=True)
         ),
         given.operations,

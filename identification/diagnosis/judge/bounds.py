@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, untestable_effects
 from identification.diagnosis.fit.gap import measured_torque, residual_sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.moved_by_noise import noise_may_imitate
+from identification.diagnosis.judge.strong_motion import noise_may_imitate
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.claims import least_gain

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.judged_band import JudgedBand
 from identification.diagnosis.result import Gap
 from identification.diagnosis.search.containment import are_near_twins
 from identification.diagnosis.search.search import Search
@@ -31,16 +31,18 @@ def residual_sums_with(plain: Search, chosen: frozenset[Term]) -> ResidualSums:
     return residual_sums(plain.problem, plain.problem.session.in_judged_band(residual_after(plain.problem, torque)))
 
 
-def exceeds_floor(judge: Judge, within: ResidualSums) -> bool:
+def exceeds_floor(judged: JudgedBand, within: ResidualSums) -> bool:
     """True if the model adjusted within its tolerances has a larger loss than the noise may have.
 
     The largest loss of noise is that of the upper ends of the noise floors.
     """
     equal_weights = np.ones((1, len(within.counts)))
-    return float(within.loss(judge.floor, equal_weights)[0]) > float(np.mean((judge.highest / judge.floor) ** 2))
+    return float(within.loss(judged.floor, equal_weights)[0]) > float(np.mean((judged.highest / judged.floor) ** 2))
 
 
-def gap_of(judge: Judge, within: ResidualSums, after: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+def gap_of(
+    judged: JudgedBand, within: ResidualSums, after: ResidualSums, weights: Float[Array, "R B"]
+) -> Float[Array, " R"]:
     """The gap of which shares are stated, one for each row of weights.
 
     A loss is the mean squared residual of all joints in units of their noise floors, so that noise alone has the loss
@@ -48,13 +50,13 @@ def gap_of(judge: Judge, within: ResidualSums, after: ResidualSums, weights: Flo
     one joint is above its noise, the gap is the decrease of the loss by the findings.
 
     Args:
-        judge: Gives the noise floors.
+        judged: Gives the noise floors.
         within: Residual of the model adjusted within its tolerances.
         after: Residual of the corrected model.
         weights: Weights of the blocks, one row for each loss, ``(R, B)``.
     """
-    loss_within = within.loss(judge.floor, weights)
-    gap = loss_within - 1.0 if exceeds_floor(judge, within) else loss_within - after.loss(judge.floor, weights)
+    loss_within = within.loss(judged.floor, weights)
+    gap = loss_within - 1.0 if exceeds_floor(judged, within) else loss_within - after.loss(judged.floor, weights)
     return np.maximum(gap, _LEAST_GAP * loss_within)
 
 
@@ -64,7 +66,9 @@ def drawn_blocks(counted: ResidualSums) -> Float[Array, "R B"]:
 
 
 def least_shares_closed(
-    residual_with: Callable[[frozenset[Term]], ResidualSums], chosen: frozenset[Term], sound: Float[Array, " nv"]
+    residual_with: Callable[[frozenset[Term]], ResidualSums],
+    chosen: frozenset[Term],
+    sound: Float[Array, " nv"],
 ) -> dict[Term, float]:
     """Lower end of the 95 % interval of the loss that each effect removes, divided by the loss that it removes.
 
@@ -93,43 +97,43 @@ def least_shares_closed(
     return out
 
 
-def closed_together(judge: Judge, within: ResidualSums, after: ResidualSums) -> Gap:
+def closed_together(judged: JudgedBand, within: ResidualSums, after: ResidualSums) -> Gap:
     """Share of the gap within tolerance that the findings close, with its interval from a block bootstrap.
 
     Args:
-        judge: Gives the noise floors.
+        judged: Gives the noise floors.
         within: Residual of the model adjusted within its tolerances.
         after: Residual of the corrected model.
     """
-    if not exceeds_floor(judge, within):
+    if not exceeds_floor(judged, within):
         return Gap()
 
     def share(weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        closed = within.loss(judge.floor, weights) - after.loss(judge.floor, weights)
-        return closed / gap_of(judge, within, after, weights)
+        closed = within.loss(judged.floor, weights) - after.loss(judged.floor, weights)
+        return closed / gap_of(judged, within, after, weights)
 
     (whole,) = share(np.ones((1, len(within.counts))))
     low, high = np.percentile(share(drawn_blocks(within)), [2.5, 97.5])
     return Gap(float(whole), (float(low), float(high)))
 
 
-def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term, float]:
+def shares_of(judged: JudgedBand, plain: Search, named: frozenset[Term]) -> dict[Term, float]:
     """Shapley value of each finding: its part of the share of the gap that all findings close together.
 
     The tolerance parameters are fitted again for each subset of the findings.
 
     Args:
-        judge: Gives the noise floors.
+        judged: Gives the noise floors.
         plain: Fits in the judged band.
         named: The findings.
     """
     residual_with = subset_residuals(plain, named)
     within, after = residual_with(frozenset()), residual_with(named)
     equal_weights = np.ones((1, len(within.counts)))
-    loss_within, gap = within.loss(judge.floor, equal_weights)[0], gap_of(judge, within, after, equal_weights)[0]
+    loss_within, gap = within.loss(judged.floor, equal_weights)[0], gap_of(judged, within, after, equal_weights)[0]
 
     @cache
     def share_closed(chosen: frozenset[Term]) -> float:
-        return float((loss_within - residual_with(chosen).loss(judge.floor, equal_weights)[0]) / gap)
+        return float((loss_within - residual_with(chosen).loss(judged.floor, equal_weights)[0]) / gap)
 
     return shapley_values(ordered(named), share_closed)

@@ -1,4 +1,4 @@
-"""Makes findings of the shown effects: parameters, closed share of the gap, rivals, and notes on their sizes.
+"""Makes a finding of each shown effect: parameters, closed share of the gap, rivals, and notes on its size.
 
 Two notes need an explanation:
 
@@ -24,15 +24,15 @@ from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, positions_of_bodies, possible_minimum
-from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.judge.findings.imitation import (
-    UNCERTAIN,
-    beside_imitation,
+    LARGEST_PROBABILITY,
     imitation_of,
     is_inertial_or_scale,
     joints_on_lines,
     joints_with_computed_torque,
     joints_with_unmodelled_forces,
+    with_imitation,
     with_limit,
 )
 from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
@@ -49,8 +49,8 @@ from identification.diagnosis.judge.findings.shown_numbers import (
     with_unknown_marked,
 )
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
-from identification.diagnosis.judge.findings.untestable_rivals import beside_untestable_rivals
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.findings.untestable_rivals import with_untestable_rivals
+from identification.diagnosis.judge.judged_band import JudgedBand
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_of_term
@@ -66,13 +66,13 @@ from phantom_dyn.random_streams import random_stream
 
 _DRAWS = 200  # random draws of the parameters; the ends of a 95 % interval are the fifth lowest and the fifth highest
 # An interval counts as one-sided if the limit to possible bodies reduces it to less than this share of its width.
-_NARROWER = 0.8
-_SAME_PLACE = 1e-4  # positions of a payload in two frames count as equal within this distance [m]
+_ONE_SIDED_SHARE = 0.8
+_SAME_POSITION = 1e-4  # positions of a payload in two frames count as equal within this distance [m]
 # If a ratio of torque constants differs from one by more, a wrong constant is an improbable cause.
 _FAR_FROM_ONE = 0.25
 
 
-def size_remarks(shown: Shown) -> tuple[Said, ...]:
+def size_remarks(shown: ShownEffects) -> tuple[Said, ...]:
     """Notes on the sizes of findings, such as one-sided intervals, missing parts and implausible sizes."""
     robot = shown.problem.session.robot
     out = list[Said]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown), *center_notes(shown)))
@@ -107,25 +107,25 @@ class FindingWithout:
     minor: bool = False
 
 
-def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[FindingWithout, ...]:
+def findings_of(shown: ShownEffects, judged: JudgedBand, within: ResidualSums) -> tuple[FindingWithout, ...]:
     """Each named effect as a finding, with the torque of the corrected model without this finding.
 
     Args:
         shown: The effects that passed all gates.
-        judge: Problem and noise floor of the judged band.
+        judged: Problem and noise floor of the judged band.
         within: Residual of the model adjusted within its tolerances.
     """
-    plain, problem, chosen, floor = shown.plain, shown.problem, shown.chosen, judge.floor
+    plain, problem, chosen, floor = shown.plain, shown.problem, shown.chosen, judged.floor
     robot, after = problem.session.robot, residual_sums_with(plain, chosen)
     fitted = widened_by_rivals(widened_by_tolerances(shown.full_fit, plain, chosen), shown)
     equal_weights, drawn = np.ones((1, len(within.counts))), drawn_blocks(within)
-    shares = shares_of(judge, plain, shown.named)
+    shares = shares_of(judged, plain, shown.named)
     on_lines, in_sines = joints_on_lines(problem.session), problem.session.in_one_sine
     computed_torque = joints_with_computed_torque(problem.session)
     unmodelled = joints_with_unmodelled_forces(robot)
 
     def gap_share(without: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        return (without.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judge, within, after, weights)
+        return (without.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judged, within, after, weights)
 
     out = []
     for term in ordered(shown.named):
@@ -133,12 +133,14 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
         comparison = shown.comparisons[term]
         rows = rows_of_term(problem, term)
         if not on_lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not in_sines.isdisjoint(rows)):
-            comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
+            comparison = with_limit(
+                with_imitation(comparison, imitation_of(plain, chosen, term)), term, LARGEST_PROBABILITY
+            )
         if not computed_torque.isdisjoint(rows):
             comparison = with_limit(comparison, term, contract_levels.DOUBTED)
         if not unmodelled.isdisjoint(rows):
             comparison = replace(comparison, probability=min(comparison.probability, contract_levels.DOUBTED))
-        comparison = beside_untestable_rivals(problem, term, shown.full_fit.coefficients(term), comparison)
+        comparison = with_untestable_rivals(problem, term, shown.full_fit.coefficients(term), comparison)
         low, high = np.percentile(gap_share(without, drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
@@ -163,7 +165,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
     return tuple(out)
 
 
-def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
+def drive_sum_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on the sum of a drive for each voltage-driven joint with viscous friction or a late reference as finding.
 
     Args:
@@ -197,7 +199,7 @@ def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
     return tuple(out)
 
 
-def volts_notes(shown: Shown) -> tuple[Note, ...]:
+def volts_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on joints whose recorded torque may be a voltage, because it is scaled and includes viscous friction.
 
     The voltage of a motor is torque times resistance over torque constant, plus speed times torque constant. So a
@@ -231,7 +233,7 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
     return tuple(out)
 
 
-def center_notes(shown: Shown) -> tuple[Note, ...]:
+def center_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on each found payload whose position has other numbers in a ``recordings.yaml``.
 
     Findings state the position in the frame of the joint that moves the link. A ``recordings.yaml`` states it in the
@@ -249,7 +251,7 @@ def center_notes(shown: Shown) -> tuple[Note, ...]:
         # Coordinates that the motion does not determine are near zero by their prior. They do not change the torque.
         center = np.array([value.numbers[0] for value in coordinates])
         written = written_center(robot, center)
-        if not np.allclose(written, center, rtol=0.0, atol=_SAME_PLACE):
+        if not np.allclose(written, center, rtol=0.0, atol=_SAME_POSITION):
             joint = str(robot.model.names[payload_body(robot)])
             out.append(Note(Code.CENTER_TO_WRITE, joint, {"frame": robot.payload_frame, "center": written.tolist()}))
     return tuple(out)
@@ -276,7 +278,7 @@ def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | No
     return effect.model_numbers(robot, term.joint, one).viscous or None
 
 
-def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
+def one_sided_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on each finding of inertial parameters with intervals that end at the limit of possible bodies.
 
     Args:
@@ -287,7 +289,7 @@ def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
     return tuple(Note(Code.ONE_SIDED, joint, {"intervals": own}) for joint, own in intervals if own)
 
 
-def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, float, str]]:
+def _one_sided_intervals(shown: ShownEffects, term: Term) -> list[tuple[str, float, float, str]]:
     """Name, lower end, upper end and unit of each one-sided interval of a finding's parameters.
 
     The intervals are those of random draws of the estimate, each replaced by the nearest possible body.
@@ -309,7 +311,7 @@ def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, flo
     return [
         (one.name, float(low[k]), float(high[k]), one.unit)
         for k, one in enumerate(stated)
-        if 0.0 < high[k] - low[k] < _NARROWER * width[k]
+        if 0.0 < high[k] - low[k] < _ONE_SIDED_SHARE * width[k]
     ]
 
 

@@ -27,9 +27,9 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 # Largest number of effects in a sum.
-_MOST = 3
+_MOST_EFFECTS = 3
 # Largest probability of a load, of links and of torque scales in such motions: sums of more effects may imitate them.
-UNCERTAIN = 0.85
+LARGEST_PROBABILITY = 0.85
 
 
 def joints_on_lines(session: Session) -> frozenset[int]:
@@ -77,13 +77,13 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
         and not rows.isdisjoint(rows_of_term(search.problem, other))
     ]
     taken: tuple[Term, ...] = ()
-    for _ in range(_MOST + 1):
+    for _ in range(_MOST_EFFECTS + 1):
         fitted = np.array(sorted({*others, *(column for one in taken for column in one.columns)}), dtype=int)
         inner = a[np.ix_(fitted, fitted)] + np.diag(precision[fitted])
         x = solve(inner, target[fitted])
         if energy - float(target[fitted] @ x) < rules.SAME_CAUSE * energy:
             return taken
-        if len(taken) == _MOST or not pool:
+        if len(taken) == _MOST_EFFECTS or not pool:
             break
         # Products of all columns with the part of the torque that is not imitated yet, and the gain of each further
         # effect: how much of that part it would explain.
@@ -97,7 +97,7 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
     return None
 
 
-def beside_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | None) -> RivalComparison:
+def with_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | None) -> RivalComparison:
     """The comparison of a finding, with a sum of effects as an equally probable rival.
 
     Args:

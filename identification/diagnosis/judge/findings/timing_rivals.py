@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.judge.findings.bench import Bench
-from identification.diagnosis.judge.moved_by_noise import strong_motion_search
+from identification.diagnosis.judge.findings.gate_state import GateContext
 from identification.diagnosis.judge.shares import residual_sums_with
+from identification.diagnosis.judge.strong_motion import strong_motion_search
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.special_cases import simplest_effects
@@ -23,7 +23,9 @@ from identification.gates.above_chance import PARAMETER_PRICE
 from phantom_dyn.array_types import Array
 
 
-def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Array]:
+def loss_increases_in_strong_motion(
+    context: GateContext, found: Chosen, term: Term, barred: frozenset[EffectJoint]
+) -> dict[Chosen, Array]:
     """Increase of the held-out loss in each block if another law of a late torque replaces a finding.
 
     The losses are computed at frequencies where the torque of the motion is far above the noise, and include the
@@ -31,7 +33,7 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
     So the increases are scaled down until their sum is nearer to zero by this price, at most to zero.
 
     Args:
-        bench: Searches and fits.
+        context: Searches and fits.
         found: A set of effects.
         term: The finding, one effect of the set.
         barred: Effects and joints that are excluded as rivals.
@@ -42,10 +44,10 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
     """
     if not _is_late_torque(term):
         return {}
-    rivals = _comparable(bench, found, term, barred)
+    rivals = _close_rivals(context, found, term, barred)
     if not rivals:
         return {}
-    strong, terms = strong_motion_search(bench.plain, found, found.union(rivals.values()), bench.noise)
+    strong, terms = strong_motion_search(context.plain, found, found.union(rivals.values()), context.noise)
     base = strong.held_out_fit(frozenset(terms[one] for one in found))
     best = dict[EffectJoint, tuple[float, Chosen, Array]]()
     for swapped, rival in rivals.items():
@@ -78,14 +80,16 @@ def hidden_twins(found: Chosen, shown: Chosen) -> Chosen:
     )
 
 
-def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Term]:
+def _close_rivals(
+    context: GateContext, found: Chosen, term: Term, barred: frozenset[EffectJoint]
+) -> dict[Chosen, Term]:
     """Rivals whose residual differs so little from that of the finding that noise may be the reason.
 
     Returns:
         The law of a late torque that replaces the finding, by the set that results.
     """
-    residual, out = np.maximum(residual_sums_with(bench.plain, found).rms(), 1e-300), dict[Chosen, Term]()
-    for rival in bench.search.terms:
+    residual, out = np.maximum(residual_sums_with(context.plain, found).rms(), 1e-300), dict[Chosen, Term]()
+    for rival in context.search.terms:
         same_place = rival.joint == term.joint or None in (rival.joint, term.joint)
         is_other_law = _is_late_torque(rival) and rival.effect is not term.effect
         if not is_other_law or not same_place or rival.effect_joint in barred:
@@ -93,7 +97,7 @@ def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[Effec
         swapped = with_replacement(found, term, frozenset([rival]))
         if rival not in swapped:
             continue
-        ratio = residual_sums_with(bench.plain, swapped).rms() / residual
+        ratio = residual_sums_with(context.plain, swapped).rms() / residual
         if ratio.max() <= FLOORS_LEFT and ratio.min() >= 1.0 / FLOORS_LEFT:
             out[swapped] = rival
     return out

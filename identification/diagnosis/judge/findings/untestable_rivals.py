@@ -17,7 +17,7 @@ from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect
 
 
-def beside_untestable_rivals(
+def with_untestable_rivals(
     problem: Problem, term: Term, coefficients: Float[Array, " k"], comparison: RivalComparison
 ) -> RivalComparison:
     """The comparison of a finding, with rivals that look like it in this motion, each as probable as the finding.
