@@ -90,9 +90,8 @@ def detection_limits(
             size = max(size, 1.0 / share if share > 0.0 else 0.0)
         why = None
         if by_shape:
-            # The size of a play is the shape of its law, and ``size`` is the least coefficient of the law that would be
-            # seen. A real play may make less torque than its law: even the lower bound of the coefficient has to be
-            # seen.
+            # The size of a play is the shape of its law, and ``size`` is the least visible coefficient. A real play may
+            # make less torque than its law, so even the lower bound of the coefficient has to be visible.
             if not size < term.lower[0]:
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
         elif size < _largest_size(problem, energy, term, direction):
@@ -177,7 +176,7 @@ class _Probe:
 def _probe(
     problem: Problem, operation: Operation, term: Term, effect: Effect, base: Array, inverse: Float[Array, "n n"]
 ) -> _Probe:
-    """The probe of an effect; ``base`` and ``inverse`` as in `_information`."""
+    """The probe of an effect; ``base`` and ``inverse`` are those of `_information`."""
     name, direction = effect.probe(problem.session.robot, operation, term.joint)
     # Of several orders of a cogging torque, the first has size one and the others zero.
     direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])

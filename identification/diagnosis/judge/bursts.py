@@ -59,8 +59,7 @@ def bursts_of(problem: Problem, residual: Series, friction_variance: Series) -> 
     Args:
         problem: Columns and blocks.
         residual: Residual of each log with the chosen effects in the model, in the judged band.
-        friction_variance: Variance of the friction torque of joints that stand still, creep or reverse, of each log, in
-            the judged band.
+        friction_variance: Variance of the friction of each log's joints that stand still, creep or reverse.
     """
     session, columns, out = problem.session, problem.columns, []
     above_band = np.sqrt(torque_above_band(problem, reading_noise(session)))

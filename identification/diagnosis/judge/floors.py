@@ -1,9 +1,9 @@
 """Noise floor of each joint in the judged band, with its interval and its source.
 
-If a recording shows the noise of the sensors, the floor is the torque that this noise makes. Otherwise it is the part
-of the torque that flexible predictors cannot predict from the state, with the source ``none``. That is only an upper
-limit of the noise, because predictors also miss a part of the effects that are searched for. So a joint whose floor has
-this source is never called free of a gap.
+If a recording shows the noise of the sensors, the floor is the torque that this noise makes. Otherwise its source is
+``none``, and it is the part of the torque that flexible predictors cannot predict from the state. That is an upper
+limit of the noise, because predictors also miss a part of the effects that are searched for. So such a joint is never
+called free of a gap.
 """
 
 from __future__ import annotations
@@ -91,8 +91,8 @@ def floor_by_predictors(
 ) -> Floor:
     """Noise floor of each joint in the judged band, from the torque that flexible predictors do not predict.
 
-    The first value is the residual of these predictors on held-out blocks, with an interval by block bootstrap. It is
-    an upper limit, because it contains events that nothing predicts. Then it is corrected in this order:
+    The first value is the residual of these predictors on held-out blocks, with an interval by block bootstrap. It
+    contains events that nothing predicts, so it is an upper limit. It is corrected in this order:
 
     1. White noise of the torque readings above the band is extrapolated into the band. If the lower end of the interval
        is more than `SENSOR_TIMES` times the upper end of this noise, the noise replaces value and interval. If the two
@@ -173,9 +173,8 @@ def floor_by_predictors(
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     # Step 5: uncertain friction.
     high_ratio = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    uncertain = uncertain_squares(
-        problem, session.in_judged_band(noise), residual, friction_variance, value, high_ratio
-    )
+    noise_in_band = session.in_judged_band(noise)
+    uncertain = uncertain_squares(problem, noise_in_band, residual, friction_variance, value, high_ratio)
     return Floor(value, low, np.sqrt(high**2 + uncertain), tuple(source), uncertain_friction=np.sqrt(uncertain))
 
 
@@ -238,8 +237,8 @@ def uncertain_squares(
     """Part of each joint's mean square residual from samples whose friction is uncertain by more than the floor.
 
     The residual of such a sample counts up to two standard deviations of its friction. The result is zero on a joint
-    whose residual exceeds ``high_ratio`` times the noise also where friction is certain: then uncertain friction is not
-    the cause. Samples have the same weights as in the figures of a gap.
+    whose residual exceeds ``high_ratio`` times the noise where friction is certain: then uncertain friction is not the
+    cause. Samples have the same weights as in the figures of a gap.
 
     Args:
         problem: Recordings, blocks and columns.
@@ -339,9 +338,8 @@ def floor_by_sensors(
     high = np.where(taken, by_sensors.high, floor.high)
     high = np.where(taken, np.hypot(high, rules.MODEL_SHARE * of_sensors.torque), high)
     high_ratio = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    uncertain = uncertain_squares(
-        problem, problem.session.in_judged_band(noise), residual, friction_variance, value, high_ratio
-    )
+    noise_in_band = problem.session.in_judged_band(noise)
+    uncertain = uncertain_squares(problem, noise_in_band, residual, friction_variance, value, high_ratio)
     high = np.where(taken, np.sqrt(high**2 + uncertain), high)
     # Joints with noise that is not white: the floor of the predictors is too large for a sound joint with white noise,
     # but possible with noise whose density rises towards the motion.
@@ -354,16 +352,7 @@ def floor_by_sensors(
     high = np.where(coloured, floor.high, high)
     source = tuple(np.where(repeated, REPETITIONS, np.where(known, SENSORS, NONE)).tolist())
     previous = 0.0 if floor.uncertain_friction is None else floor.uncertain_friction
-    uncertain_friction = np.where(taken, np.sqrt(uncertain), previous)
-    return replace(
-        floor,
-        value=value,
-        low=low,
-        high=high,
-        source=source,
-        discrepancy=of_sensors.discrepancy,
-        uncertain_friction=uncertain_friction,
-    )
+    return Floor(value, low, high, source, of_sensors.discrepancy, np.where(taken, np.sqrt(uncertain), previous))
 
 
 def judged_weights(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:

@@ -76,14 +76,9 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         result = replace(result, torque=problem.columns.model_torque, residual=given, whole=given)
         within = before
     rounding, judged, torque, residual = result.rounding, result.judged, result.torque, result.residual
-    claims = [
-        *findings_of(shown, judged, within),
-        # Without the finding of a coarse encoder the model is the same: rounding changes only the readings.
-        *(
-            FindingWithout(finding, torque)
-            for finding in coarse_findings(session.robot, rounding, within, judged.floor)
-        ),
-    ]
+    coarse = coarse_findings(session.robot, rounding, within, judged.floor)
+    # Without the finding of a coarse encoder the model is the same: rounding changes only the readings.
+    claims = [*findings_of(shown, judged, within), *(FindingWithout(finding, torque) for finding in coarse)]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
     kept = [claim for claim in claims if not claim.minor]
     findings = tuple(claim.finding for claim in kept)
@@ -171,10 +166,8 @@ def _shown_and_residual(
 
     def has_structure(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> bool:
         result, names = result_of(chosen), plain.problem.session.robot.joint_names
-        predictable_if_sound = result.floor.predictable
-        structure = unexplained(
-            plain, chosen, result.judged, result.residual, result.whole, predictable_if_sound, joints
-        )
+        predictable = result.floor.predictable
+        structure = unexplained(plain, chosen, result.judged, result.residual, result.whole, predictable, joints)
         events = _distinct_events(plain.problem, result)
         return structure.structured or any(joints[names.index(event.joint)] for event in events)
 
@@ -371,7 +364,7 @@ def joint_gaps(
 def with_hidden_payload(changes: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:
     """The changes within tolerance, with the heaviest payload that masses at their limits may conceal together.
 
-    Each mass at its limit may conceal a payload of at most its tolerance. On a linkage several masses share the weight
+    One mass at its limit may conceal a payload of at most its tolerance. On a linkage several masses share the weight
     of a load, so that they may conceal a heavier one. Its largest mass comes from a fit of a payload and the tolerance
     parameters together.
 

@@ -1,8 +1,8 @@
 """The ledger of a diagnosis: which gates each candidate effect passed or failed, and which effects displaced it.
 
 It lists all effects that search or judge claimed at any time, and the ten best of the others. Search and judge record
-their decisions as they make them. This module tests each effect that is not a finding once more beside the final set of
-effects: how much it gains there, which share of the gap it closes alone, and which findings explain that share instead.
+their decisions as they make them. This module tests each other effect once more in addition to the final set: its gain,
+the share of the gap that it closes alone, and the findings that explain that share instead.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ def ledger_of(
         if cause in named or failed_in_judge:
             continue
         if cause in best:
-            # The search decided with another set of effects: its gates are applied once more beside the final set. If
-            # all pass there now, a failure in the search remains in the ledger.
+            # The search decided with another set of effects: its gates are applied once more to the effect in addition
+            # to the final set. If all pass now, a failure in the search remains in the ledger.
             results_if_added, others = _results_if_added(search, shown.all_found, best[cause])
             if not results_if_added[-1].passed or failed is None:
                 gates[cause], replacements[cause] = results_if_added, others
@@ -132,8 +132,8 @@ def _results_if_added(
 ) -> tuple[tuple[GateResult, ...], tuple[EffectJoint, ...]]:
     """Results of the search's gates for an effect that is added to a set, and which effect of the set displaces it.
 
-    An effect that fails is displaced by the effect that it could replace (`could_replace`). In place of that effect
-    it has to gain enough for a claim, more than twice its gain beside the whole set, and a fair part of the gain of the
+    An effect that fails is displaced by the effect that it could replace (`could_replace`). In place of that effect it
+    has to gain enough for a claim, more than twice its gain in addition to the set, and a fair part of the gain of the
     replaced effect.
 
     Args:
@@ -188,8 +188,8 @@ def _figures(
 def _subset_residuals(shown: ShownEffects, terms: frozenset[Term]) -> Callable[[frozenset[Term]], ResidualSums]:
     """Function that returns the squared residuals with a subset of the findings and of further effects in the model.
 
-    Subsets of linear effects are fitted quickly, from products that are computed once. With a torque constant or a
-    payload among the effects this would not be possible, so these effects are kept apart.
+    Subsets of linear effects are fitted quickly, from products that are computed once. This is not possible with a
+    torque constant or a payload, so these effects are fitted separately.
     """
     linear = frozenset(term for term in terms if not (term.effect.scales_joint or term.effect.inertial == "point mass"))
     with_linear = subset_residuals(shown.plain, shown.named | linear)

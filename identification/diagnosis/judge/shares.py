@@ -66,18 +66,16 @@ def drawn_blocks(counted: ResidualSums) -> Float[Array, "R B"]:
 
 
 def least_shares_closed(
-    residual_with: Callable[[frozenset[Term]], ResidualSums],
-    chosen: frozenset[Term],
-    sound: Float[Array, " nv"],
+    residual_with: Callable[[frozenset[Term]], ResidualSums], chosen: frozenset[Term], sound: Float[Array, " nv"]
 ) -> dict[Term, float]:
     """Lower end of the 95 % interval of the loss that each effect removes, divided by the loss that it removes.
 
     The result is -1 for an effect that removes no loss. Effects are left out if another effect in the set makes nearly
     the same torque (near twins), because each of the two would then remove no loss.
 
-    Before the loss is computed, residuals are divided by a scale for each joint. It is the residual of a sound model.
-    If all effects together leave more than `FLOORS_LEFT` times this, the scale is increased so that they leave exactly
-    `FLOORS_LEFT`. Otherwise a joint with a large residual would hide what an effect explains on another joint.
+    Residuals count in units of a scale for each joint: the residual of a sound model, or that of all effects together
+    divided by `FLOORS_LEFT` if this is larger. Otherwise a joint with a large residual would hide what an effect
+    explains on another joint.
 
     Args:
         residual_with: Function that returns the squared residuals in the judged band with a set of effects.

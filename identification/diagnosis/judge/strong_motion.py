@@ -1,10 +1,10 @@
 """Tests effects that depend on the motion at frequencies where the torque is far above the noise.
 
-A disturbance that is not recorded moves a joint, and is the residual of a correct model. The residual is then
-correlated with the acceleration that the disturbance causes, which looks like a wrong inertia. It is also correlated
-with the rate of change of the drive torque, with which the damping of the controller responds. This looks like a delay,
-of some ten milliseconds on a soft joint. Both correlations are small at frequencies where the torque of the motion is
-many times as large as the residual.
+A disturbance that is not recorded moves a joint, and is the residual of a correct model. This residual is correlated
+with the acceleration that the disturbance causes, which looks like a wrong inertia. It is also correlated with the rate
+of change of the drive torque by which the controller damps the motion, which looks like a delay (some ten milliseconds
+on a soft joint). Both correlations are small at frequencies where the torque of the motion is many times as large as
+the residual.
 """
 
 from __future__ import annotations

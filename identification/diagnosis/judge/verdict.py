@@ -57,7 +57,7 @@ def verdict(
     little_structure = not structure.structured or structure.fraction_of_explainable < rules.LITTLE_STRUCTURE
     if little_structure and not structure.times and all(nearly_closed(joint) for joint in joints):
         return "explained" if plausible else "partly_explained"
-    # In units of squared noise floors, noise alone is one. Do the findings close more of the gap than remains?
+    # In units of squared noise floors, noise alone is one: do the findings close more of the gap than remains?
     within = float(np.mean(np.array([joint.tolerated / joint.noise_floor for joint in joints]) ** 2))
     after = float(np.mean(np.array([joint.rms_after / joint.noise_floor for joint in joints]) ** 2))
     return "partly_explained" if after - 1.0 < within - after else "unknown"
@@ -155,9 +155,9 @@ def unexplained(
     counts = np.maximum(sums_after.counts.sum(axis=0), 1e-12)
     predictable = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / counts) * floor
     beyond_sound = predictable_if_sound is None or bool(np.any(predictable > predictable_if_sound))
-    # A structure without a name that lowers no loss in the judged band is none there.
+    # A structure without a name counts only if it lowers the loss in the judged band.
     structured = (bool(nameless) and best < after) or bool(beyond_sound and ((large and significant) or most))
-    # What changes within the tolerances explain is no gap.
+    # The part that changes within the tolerances explain is no gap.
     explainable = within - min(best, after)
     fraction = float(np.clip((after - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
     joint, regime = None, None

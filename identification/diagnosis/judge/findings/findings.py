@@ -3,11 +3,10 @@
 Two notes need an explanation:
 
 - Sum of a drive. While a joint follows its reference, back-EMF, viscous friction and a late reference all cause a
-  torque proportional to the speed. A recording of a drive that is fed by a voltage shows only the sum of the three.
-  Motor constants, or recordings with another gain of the loop, are needed to separate them.
-- One-sided intervals. The estimate of inertial parameters may be at the limit of possible bodies. Bodies beyond the
-  limit have a negative mass or moment of inertia, or a centre of mass out of reach. So the interval of the estimate
-  reaches to one side only.
+  torque proportional to the speed. A voltage-driven recording shows only the sum of the three. Motor constants, or
+  recordings with another gain of the loop, separate them.
+- One-sided intervals. The estimate of inertial parameters may be at the limit of possible bodies. Beyond it, bodies
+  have a negative mass or moment of inertia, or a centre of mass out of reach, so the interval has one side only.
 """
 
 from __future__ import annotations
@@ -133,9 +132,8 @@ def findings_of(shown: ShownEffects, judged: JudgedBand, within: ResidualSums) -
         comparison = shown.comparisons[term]
         rows = rows_of_term(problem, term)
         if not on_lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not in_sines.isdisjoint(rows)):
-            comparison = with_limit(
-                with_imitation(comparison, imitation_of(plain, chosen, term)), term, LARGEST_PROBABILITY
-            )
+            comparison = with_imitation(comparison, imitation_of(plain, chosen, term))
+            comparison = with_limit(comparison, term, LARGEST_PROBABILITY)
         if not computed_torque.isdisjoint(rows):
             comparison = with_limit(comparison, term, contract_levels.DOUBTED)
         if not unmodelled.isdisjoint(rows):

@@ -1,7 +1,7 @@
 """Searches for a few effects whose sum imitates a finding, if joints move along one line or in one sine.
 
 In such motions the torque of each joint is a function of one variable, so that a sum of laws may imitate another law.
-A comparison with single rivals does not show this. So a greedy search adds up to three effects that together make the
+A comparison with single rivals does not show this. So a greedy search adds up to three effects whose sum makes the
 torque of a finding, while the sizes of the other findings may change. In one sine only loads, links and torque scales
 are tested, because friction can be identified there.
 """
@@ -44,7 +44,7 @@ def is_inertial_or_scale(term: Term) -> bool:
 
 
 def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
-    """Effects whose sum makes the torque of a finding up to a tenth of its amplitude; the others may have any size.
+    """Effects whose sum makes the torque of a finding up to a tenth of its amplitude, with other findings of any size.
 
     Args:
         search: Rivals, and the products of their columns.

@@ -77,7 +77,7 @@ def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) ->
 
 
 def bodies_expressing_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[EffectJoint]:
-    """Free inertial parameters that would express the absence of a part, as a negative payload of the set does already.
+    """Free inertial parameters that only express the absence of a part, which a payload in the set expresses, too.
 
     Args:
         search: Rivals and fits.

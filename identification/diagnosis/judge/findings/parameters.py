@@ -18,8 +18,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-# If the standard deviation of a number is more than this share of that of its prior, the recording does not determine
-# the number.
+# The recording does not determine a number whose standard deviation is more than this share of that of its prior.
 _LARGEST_SHARE_OF_PRIOR_STD = 0.5
 _SAMPLES = 200  # random postures; they give far more rows than an effect has base parameters
 
@@ -27,10 +26,10 @@ _SAMPLES = 200  # random postures; they give far more rows than an effect has ba
 def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, Value]:
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
-    Standard deviations are those of the fit of all parameters, propagated through the law to first order. They are
-    infinite for numbers with more than half the standard deviation of their prior: the recordings hardly determine
-    these. Of inertial parameters only the base parameters are returned, because motion determines no others. If the
-    parameters of an effect are lists, so are their values and standard deviations.
+    Standard deviations come from the fit of all parameters, propagated through the law to first order. Those above half
+    the standard deviation of the prior are infinite: the recordings hardly determine these numbers. Of inertial
+    parameters only the base parameters are returned, because motion determines no others. If the parameters of an
+    effect are lists, so are their values and standard deviations.
 
     Args:
         robot: The given model.

@@ -1,9 +1,9 @@
-"""The loop of the judge: tests the effects that the search has found, gate by gate, until all shown effects pass.
+"""Tests the effects that the search has found in the judged band, gate by gate, until all shown effects pass.
 
 The search keeps the shapes of laws constant and uses other weights than the final fit, from which sizes are stated. So
-its result is tested again in the judged band. The order of the gates is that of `identification.gates.GATES`; those
-that compare rivals are last, because they take longest. A gate removes or replaces the effect that fails worst, and
-then the loop begins with the first gate again. All results are recorded for the ledger.
+its result is tested again. The gates have the order of `identification.gates.GATES`; those that compare rivals are
+last, because they take longest. A gate removes or replaces the effect that fails worst; then the loop begins with the
+first gate again. All results are recorded for the ledger.
 """
 
 from __future__ import annotations
@@ -23,13 +23,9 @@ from identification.diagnosis.judge.findings.missing_parts import (
     payload_term,
 )
 from identification.diagnosis.judge.findings.outside_catalogue import weighed_with_structures
-from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, loss_increases_in_strong_motion
+from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, strong_motion_loss_increases
 from identification.diagnosis.judge.shares import least_shares_closed, residual_sums_with
-from identification.diagnosis.judge.strong_motion import (
-    depends_on_acceleration,
-    motion_results,
-    noise_may_imitate,
-)
+from identification.diagnosis.judge.strong_motion import depends_on_acceleration, motion_results, noise_may_imitate
 from identification.diagnosis.search.containment import are_parts, can_join, with_term
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.rival_sets import RivalComparison, compare_with_rivals
@@ -163,16 +159,14 @@ def _closing_gate(context: GateContext, state: LoopState) -> LoopState:
     """
     if not state.shown:
         return state
-    squares_of, sound_residual = (
-        context.subset_residuals(state.found | state.shown),
-        context.residuals.judged_band_of(state.shown).sound_residual,
-    )
-    least_shares = least_shares_closed(squares_of, state.shown, sound_residual)
+    squares_of = context.subset_residuals(state.found | state.shown)
+    sound = context.residuals.judged_band_of(state.shown).sound_residual
+    least_shares = least_shares_closed(squares_of, state.shown, sound)
     named = frozenset(term for term in state.shown if term.named)
     if named != state.shown:
         # Structures without a name are not in the corrected model. An effect that closes the gap only together with
         # such a structure would enlarge the gap of the corrected model.
-        without_structures = least_shares_closed(squares_of, named, sound_residual)
+        without_structures = least_shares_closed(squares_of, named, sound)
         least_shares = {term: min(share, without_structures.get(term, share)) for term, share in least_shares.items()}
 
     def without(state: LoopState, term: Term) -> tuple[LoopState, Iterable[Term]]:
@@ -189,14 +183,13 @@ def _closing_gate(context: GateContext, state: LoopState) -> LoopState:
         shown, displaced = (state.shown & rival_set) | rivals, state.displaced | {term.effect_joint}
         return replace(state, found=rival_set, shown=shown, displaced=displaced), rivals
 
-    return _without_worst(
-        context, state, {term: closes_for_sure(share) for term, share in least_shares.items()}, without
-    )
+    results = {term: closes_for_sure(share) for term, share in least_shares.items()}
+    return _without_worst(context, state, results, without)
 
 
 def _comparison_with_rivals(context: GateContext, state: LoopState, term: Term) -> RivalComparison:
     """Comparison of a finding with its rivals, also under other conditions that should not change the result."""
-    increases = loss_increases_in_strong_motion(context, state.found, term, state.barred)
+    increases = strong_motion_loss_increases(context, state.found, term, state.barred)
     return compare_with_rivals(context.search, state.found, term, state.barred, context.other_conditions, increases)
 
 
@@ -207,8 +200,8 @@ def _rival_that_closes(context: GateContext, state: LoopState, term: Term) -> fr
         rivals = found - state.found
         if not state.displaced.isdisjoint(rival.effect_joint for rival in rivals):
             continue
-        sound_residual = context.residuals.judged_band_of(found).sound_residual
-        least_shares = least_shares_closed(context.subset_residuals(found), found, sound_residual)
+        sound = context.residuals.judged_band_of(found).sound_residual
+        least_shares = least_shares_closed(context.subset_residuals(found), found, sound)
         if all(closes_for_sure(least_shares.get(rival, 0.0)).passed for rival in rivals):
             return found
     return None

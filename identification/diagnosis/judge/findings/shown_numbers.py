@@ -1,11 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
 """Marks parameters that the recordings do not determine, and enlarges standard deviations for what the fit assumes.
 
-Some parameters of an effect have no influence on the torque, such as the position of a load along parallel joint axes.
-The fit gives them a value with a standard deviation of metres, which must not be reported as a measurement.
+Some parameters do not influence the torque, such as the position of a load along parallel joint axes. Their fitted
+value, with a standard deviation of metres, must not be reported as a measurement.
 
 The fit assumes that the numbers of the model are within their tolerances, and that each finding is the true cause. If
-an assumption is doubtful, the parameters are fitted without it, too. The change of each parameter is then included in
+an assumption is doubtful, the parameters are fitted without it, too, and the change of each parameter is included in
 its standard deviation (law of total variance).
 """
 

@@ -1,9 +1,9 @@
 """Compares laws of a late torque, such as delay and lag, at frequencies where the motion is far above the noise.
 
-The torque of a delay or a lag is computed from the rate of change of the needed torque. At frequencies above those of
-the motion this rate is noise, and each law filters the noise differently. There the residual only shows which law
-amplifies the noise less. So such frequencies are left out. There is one exception: if the residuals of two laws differ
-so much that the larger one would count as a gap, noise is not the reason, and all frequencies are compared.
+The torque of a delay or a lag is computed from the rate of change of the needed torque. Above the frequencies of the
+motion this rate is noise, and the residual only shows which law amplifies the noise less. So these frequencies are left
+out, unless the residuals of two laws differ so much that the larger one would count as a gap: noise is then not the
+reason, and all frequencies are compared.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from identification.gates.above_chance import PARAMETER_PRICE
 from phantom_dyn.array_types import Array
 
 
-def loss_increases_in_strong_motion(
+def strong_motion_loss_increases(
     context: GateContext, found: Chosen, term: Term, barred: frozenset[EffectJoint]
 ) -> dict[Chosen, Array]:
     """Increase of the held-out loss in each block if another law of a late torque replaces a finding.
 
     The losses are computed at frequencies where the torque of the motion is far above the noise, and include the
     penalties of the fits, spread evenly over the blocks. One law gains the price of a parameter over another by chance.
-    So the increases are scaled down until their sum is nearer to zero by this price, at most to zero.
+    So the increases are scaled until their sum is nearer to zero by this price, at most to zero.
 
     Args:
         context: Searches and fits.
@@ -63,10 +63,10 @@ def loss_increases_in_strong_motion(
 
 
 def hidden_twins(found: Chosen, shown: Chosen) -> Chosen:
-    """Laws of a late torque that are not shown beside another such law on the same joint, or on all joints.
+    """Laws of a late torque that are not shown, while another such law is shown on the same joint, or on all joints.
 
-    Where the motion is far above the noise one of the two, as a lag beside a delay, may add nothing to the other, and
-    then fails the gate `shown_by_motion`. In the set it would be no rival of the other.
+    Where the motion is far above the noise, a lag may add nothing to a delay, or the reverse. It then fails the gate
+    `shown_by_motion`. If it remained in the set, it could not be a rival of the other law.
 
     Args:
         found: A set of effects.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, loss_increases_in_strong_motion
+from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, strong_motion_loss_increases
 from identification.diagnosis.search.rival_sets import compare_with_rivals
 from identification.pipeline import diagnose
 
@@ -28,7 +28,7 @@ def beyond(context_of):
 
     def summed(prepared, name):
         term = prepared.term(name, "elbow")
-        found = loss_increases_in_strong_motion(context_of(prepared), frozenset([term]), term, frozenset())
+        found = strong_motion_loss_increases(context_of(prepared), frozenset([term]), term, frozenset())
         return {rival.effect_joint: float(loss.sum()) for (rival,), loss in found.items()}
 
     return summed
