@@ -180,7 +180,7 @@ class FileCorrections:
 def corrections_in_files(robot: Robot, corrections: Mapping[str, JointCorrection]) -> FileCorrections:
     """Corrections that model files can contain: for an open chain all, for a closed chain those that keep its loops.
 
-    - A joint that follows others by a formula is also rotated by their zeros, so that the formula holds for readings.
+    - A joint that follows others by a formula is also rotated by their zeros: the formula then holds for readings.
     - Links of a parallelogram that is stated by a formula are not moved: the formula would not hold for moved links.
     - In the MJCF of a robot with loops between frames nothing is moved: MuJoCo computes how the loops close from the
       zero positions in the file.

@@ -21,7 +21,7 @@ from phantom_dyn.model.robot_xml import Element
 _REFERENCES = "delay of references"
 
 
-def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
+def can_delay_references(corrected: CorrectedModel, joint: str) -> bool:
     """True if the given file is an MJCF with a servo on a joint: the servo's command is a reference and can be delayed.
 
     Args:

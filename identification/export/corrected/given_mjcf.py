@@ -128,7 +128,7 @@ def _set_inertias(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> No
         if robot.model.inertias[body] == before.model.inertias[body]:
             continue
         element = given.owners[given.joints[robot.model.names[body]]]
-        inertia, losing = own_inertia(robot, body, _fixed_bodies(before, body), _held_bodies(element))
+        inertia, losing = own_inertia(robot, body, _fixed_bodies(before, body), _bodies_on_own_joints(element))
         inertia = _in_axes_of_link(robot, body, inertia)
         if breaks_triangle(inertia.inertia):
             raise RobotError(f"MuJoCo takes no body with the inertia of {body_name(robot, body)} in {file.name}.")
@@ -151,7 +151,7 @@ def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
     return out
 
 
-def _held_bodies(link: Element) -> frozenset[str]:
+def _bodies_on_own_joints(link: Element) -> frozenset[str]:
     """Names of the bodies below a link that a joint of the file moves relative to the link: they keep their inertia."""
     out: set[str] = set()
     todo = [(body, False) for body in link.findall("body")]
