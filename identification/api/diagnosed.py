@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from identification.api.diagnosis import Diagnosis
-from identification.api.inputs import RecordingsLike, described, expanded, listed, recordings_of
+from identification.api.inputs import RecordingsLike, as_tuple, described, expanded, recordings_of
 from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.pipeline import diagnose
@@ -94,7 +94,7 @@ def paths_of(given: object, name: str) -> tuple[str | Path, ...]:
         UsageError: If an element is not a path.
     """
     out = []
-    for one in listed(given):
+    for one in as_tuple(given):
         if not isinstance(one, str | Path):
             raise UsageError(f"{described(one)} was given in {name}, wanted the path of a file.")
         out.append(one)

@@ -178,7 +178,7 @@ def excluded_stretches(arguments: argparse.Namespace) -> tuple[tuple[float, floa
     return tuple(_stretch(text) for text in arguments.exclude)
 
 
-def reading_as_asked(read: Callable[..., Recording], arguments: argparse.Namespace) -> Callable[..., Recording]:
+def with_reading_options(read: Callable[..., Recording], arguments: argparse.Namespace) -> Callable[..., Recording]:
     """The function ``read`` with the reading options from the arguments."""
     return partial(
         read,

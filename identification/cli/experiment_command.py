@@ -15,7 +15,7 @@ from identification.cli.arguments import (
     excluded_stretches,
     expand_episodes,
     one_blas_thread,
-    reading_as_asked,
+    with_reading_options,
 )
 from identification.cli.terminal.printed import say
 from identification.file_sets import renamed_together
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     robot = load_robot(arguments.robot, config=arguments.robot_config)
     # With a held arm the joint hardly moves, so the checks for a moving robot would refuse the recording.
     held = arguments.test == "stiffness"
-    read = reading_as_asked(read_recording, arguments)
+    read = with_reading_options(read_recording, arguments)
     recordings = tuple(read(log, robot, anyway=arguments.anyway or held) for log in arguments.logs)
     if not held:
         from identification.data.refusal import require_right

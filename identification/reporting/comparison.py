@@ -15,10 +15,10 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, V
 from identification.reporting.stored.diagnosis_reader import FILE
 from identification.words.diagnosis_words import (
     capital,
-    effect_at,
-    effect_at_finding,
     joined,
     parameter_name,
+    placed_effect,
+    placed_finding,
     share_words,
 )
 from identification.words.geometry_words import all_findings
@@ -225,7 +225,7 @@ def _statement_without_finding(diagnosis: Diagnosis, at: EffectAt) -> str:
     for finding in diagnosis.findings:
         for rival in finding.rivals:
             if at in rival.effects:
-                return f"a rival of {effect_at_finding(finding)} ({percent(rival.probability)})"
+                return f"a rival of {placed_finding(finding)} ({percent(rival.probability)})"
     if any((entry.effect, entry.joint) == (at.effect, at.joint) for entry in diagnosis.not_testable):
         return "not testable there"
     for bound in diagnosis.bounds:
@@ -237,7 +237,7 @@ def _statement_without_finding(diagnosis: Diagnosis, at: EffectAt) -> str:
 
 def _row_lines(row: ComparedFinding) -> list[str]:
     """Lines on one finding: one per parameter; without parameters, one that states which diagnoses have the finding."""
-    name = capital(effect_at(row.at))
+    name = capital(placed_effect(row.at))
     out = []
     for size in row.sizes:
         pairs = zip(size.values, row.missing, strict=True)

@@ -16,7 +16,7 @@ from identification.reporting.comparison import (
     size_words,
 )
 from identification.reporting.plain_page import figure, page, table
-from identification.words.diagnosis_words import capital, effect_at, joined, parameter_name
+from identification.words.diagnosis_words import capital, joined, parameter_name, placed_effect
 from identification.words.numbers_and_names import NO_BREAK, number
 
 _SIZE = (4.6, 2.3)  # size of a figure [inch]
@@ -49,7 +49,7 @@ def comparison_page(found: Comparison) -> str:
 def _findings_table(found: Comparison) -> str:
     rows = []
     for row in found.findings:
-        name = capital(effect_at(row.at))
+        name = capital(placed_effect(row.at))
         for size in row.sizes:
             cells = [size_words(value) or statement for value, statement in zip(size.values, row.missing, strict=True)]
             verdict = _CHANGED[any(row.missing) or size.changed]
@@ -68,7 +68,7 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
     changed = size.changed or any(row.missing)
     entries = max(len(value.numbers) for value in size.values if value is not None)
     curves = tuple(_entry_curve(size, k, BEFORE if changed else AFTER) for k in range(entries))
-    title = f"{capital(effect_at(row.at))}, {parameter_name(size.parameter)}"
+    title = f"{capital(placed_effect(row.at))}, {parameter_name(size.parameter)}"
     label = f"{short_name(parameter_name(size.parameter))} [{unit}]"
     hidden = [
         next((b.below for b in diagnosis.bounds if (b.effect, b.joint, b.parameter) == place), 0.0) if missing else 0.0

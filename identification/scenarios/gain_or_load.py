@@ -23,7 +23,7 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
 
-_MOST = 10.0  # largest factor for the gains: a load of more than this many times the robot's masses is implausible
+_LARGEST_FACTOR = 10.0  # of the gains: a load of more than this many times the robot's masses is implausible
 _BLOCKS = 30  # number of time blocks of a bootstrap, because neighbouring samples are not independent
 
 
@@ -54,7 +54,7 @@ def scales_by_friction(
             damping = controller.kd if controller is not None and effect == "viscous_friction" else 0.0
             change = next(iter(finding.parameters.values())).numbers[0]
             found_friction = float(modelled[row]) + damping + change
-            if found_friction < modelled[row] and found_friction * _MOST > modelled[row]:
+            if found_friction < modelled[row] and found_friction * _LARGEST_FACTOR > modelled[row]:
                 out[finding.joint] = float(modelled[row]) / found_friction
     return out
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
-from identification.words.diagnosis_words import capital, joined, of_the_gap, share_of_gap, sureness
+from identification.words.diagnosis_words import capital, certainty_words, finding_share, joined, share_of_gap_words
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import NO_BREAK, number, value_words, with_stated_probabilities
 from identification.words.verdict_words import headline
@@ -69,13 +69,13 @@ def size_words(one: Number) -> str:
 
 def finding_at(finding: PoseFinding) -> str:
     """Effect, joint and sizes, as in ``a zero error of j2 of 2.0 ± 0.1 mrad``."""
-    at = f"{EFFECTS[finding.effect]} of {carrier(finding.effect, finding.joint)}"
+    at = f"{EFFECTS[finding.effect]} of {place_of(finding.effect, finding.joint)}"
     if finding.effect == ELASTIC:
         return f"{at} ({sizes_words(finding)})"
     return f"{at}{', by' if finding.effect in PLACES else ' of'} {sizes_words(finding)}"
 
 
-def carrier(effect: str, joint: str | None) -> str:
+def place_of(effect: str, joint: str | None) -> str:
     """Place of an effect: a joint, the base, or the target on a frame."""
     if effect == TOOL_POSE:
         return f"the target on {joint}"
@@ -107,7 +107,7 @@ def _along(name: str) -> str:
 
 def place_words(place: Place) -> str:
     """Effect and joint of a rival, with axes if it is a wrong place."""
-    at = f"{EFFECTS[place.effect]} of {carrier(place.effect, place.joint)}"
+    at = f"{EFFECTS[place.effect]} of {place_of(place.effect, place.joint)}"
     if place.effect not in PLACES:
         return at
     return f"{at} {joined([_along(name) for name in place.parameters])}"
@@ -115,11 +115,11 @@ def place_words(place: Place) -> str:
 
 def sentences(found: GeometryResult) -> list[str]:
     """Sentences on the errors of the measured frames, their causes, and the errors that remain."""
-    return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *note_sentences(found.notes)]
+    return [_gap_sentence(found), *_cause_sentences(found), *_delay_sentences(found), *note_sentences(found.notes)]
 
 
 def _gap_sentence(found: GeometryResult) -> str:
-    """How far the measured frames are from where the given model has them."""
+    """Distance of the measured frames from their poses in the given model."""
     said: list[str] = []
     for frame in found.frames:
         size = f"{small_words(frame.rms_before, frame.unit)} (rms)"
@@ -133,11 +133,11 @@ def _gap_sentence(found: GeometryResult) -> str:
 def _cause_sentences(found: GeometryResult) -> list[str]:
     """The findings and their rivals, and the error that remains with them."""
     if not found.findings:
-        return [_nothing(found)]
+        return [_why_no_finding(found)]
     largest = found.findings[0]
-    out = [f"{capital(finding_at(largest))} explains {of_the_gap(largest, 'the error')}{_rivals(largest)}."]
+    out = [f"{capital(finding_at(largest))} explains {share_of_gap_words(largest, 'the error')}{_rivals(largest)}."]
     if len(found.findings) > 1:
-        others = [f"{finding_at(one)} ({share_of_gap(one)}{_rivals(one)})" for one in found.findings[1:]]
+        others = [f"{finding_at(one)} ({finding_share(one)}{_rivals(one)})" for one in found.findings[1:]]
         out.append(f"Besides, {joined(others)}.")
     left = [f"{small_words(f.rms_after, f.unit)} of a noise of {_floor(f)}" for f in found.frames]
     more = {
@@ -154,7 +154,7 @@ def _floor(frame: FrameGap) -> str:
     return f"{limit}{small_words(frame.noise_floor, frame.unit)}"
 
 
-def _nothing(found: GeometryResult) -> str:
+def _why_no_finding(found: GeometryResult) -> str:
     """Why the poses gave no finding."""
     if found.verdict == "no_gap":
         noise = joined([_floor(frame) for frame in found.frames])
@@ -174,10 +174,10 @@ def _rivals(finding: PoseFinding) -> str:
         return ""
     others = [joined([place_words(place) for place in rival.places]) for rival in finding.rivals]
     named = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
-    return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(named)}"
+    return f", {certainty_words(finding.probability)}; these poses do not separate it from {' or '.join(named)}"
 
 
-def _late_sentences(found: GeometryResult) -> list[str]:
+def _delay_sentences(found: GeometryResult) -> list[str]:
     """Sentences on files whose poses are delayed by more than three standard deviations."""
     seen = [late for late in found.delays if abs(late.delay) > 3 * late.std]
     return [

@@ -84,9 +84,9 @@ def with_cause_outside_catalogue(finding: Finding, joints: tuple[JointGap, ...])
     """The finding with lower probabilities if the residual of its joint is larger than noise after all findings.
 
     A comparison among the effects of the catalogue shows which of them fits best, but not that one of them is right. If
-    a share of the joint's gap remains, its unknown cause may also cause the part that the finding explains. Therefore
-    all probabilities are multiplied by the share of the gap that is closed. Their sum is then less than one, and the
-    difference is the probability of a cause outside the catalogue.
+    a share of the joint's gap remains, its unknown cause may also cause the part that the finding explains. So all
+    probabilities are multiplied by the closed share of the gap. One minus their sum is the probability of a cause
+    outside the catalogue.
 
     Args:
         finding: Finding with rivals of the catalogue; their probabilities and its own sum to at most one.

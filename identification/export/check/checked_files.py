@@ -20,9 +20,9 @@ from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.check.file_torques import (
+    ALL_LAWS,
     FEEDFORWARD_FORMAT,
     ISAAC_FORMAT,
-    ALL_LAWS,
     MJCF_FORMAT,
     URDF_FORMAT,
     Format,

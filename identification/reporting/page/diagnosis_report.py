@@ -44,8 +44,8 @@ from identification.words.verdict_words import (
     closed_by_tolerances,
     headline,
     hidden_words,
-    left_over,
     reservations,
+    residual_phrase,
     short_headline,
 )
 from phantom_dyn.model.robot import Robot
@@ -114,7 +114,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_file
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
         closed=_closed(diagnosis),
-        minor=words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor]),
+        minor=words.joined([words.placed_finding(finding) for finding in diagnosis.minor]),
         adjusted=[
             (
                 a.quantity,
@@ -124,7 +124,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_file
             )
             for a in diagnosis.adjusted
         ],
-        unexplained=words.capital(left_over(diagnosis)),
+        unexplained=words.capital(residual_phrase(diagnosis)),
         unexplained_figure=_unexplained_figure(diagnosis, motions),
         law=law_view(diagnosis.unexplained),
         nearest=nearest_claims(diagnosis),
@@ -167,7 +167,7 @@ def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> 
     finding = diagnosis.findings[index]
     return {
         "name": _title(finding),
-        "share": words.of_the_gap(finding),
+        "share": words.share_of_gap_words(finding),
         "sentence": words.finding_words(finding, diagnosis.next_experiment),
         "sizes": parameter_rows(finding),
         "figure": Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),

@@ -107,7 +107,7 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
         # A Shapley value can be negative if other findings explain the same residual better.
         "" if share is None or share < 0.0 else percent_short_of_all(share),
         0.0 if share is None else 100 * max(share, 0.0),
-        words.sureness(min(finding.probability for finding in findings)),
+        words.certainty_words(min(finding.probability for finding in findings)),
     )
 
 

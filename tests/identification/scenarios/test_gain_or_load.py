@@ -18,8 +18,8 @@ from identification.diagnosis.result import Bound, Diagnosis, Finding, Judgement
 from identification.notes import Code, Note
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
+from identification.scenarios.gain_ambiguities import without_gain_ambiguities
 from identification.scenarios.gain_or_load import preferred_diagnosis, scales_by_friction, with_scaled_gains
-from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.motion_only import limited_controller_torque, states_controllers, with_controller_torque
 from identification.scenarios.recordings_file import read_changes
 from identification.words.note_words import sentence

@@ -12,8 +12,8 @@ from identification.diagnosis.result import EffectAt, Judgement, Value
 from identification.engine.claims import Claim
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
+from identification.scenarios.gain_ambiguities import without_gain_ambiguities
 from identification.scenarios.gains import estimated_gains
-from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.motion_only import limited_controller_torque, motion_robot, with_commanded_torque
 from identification.words.note_words import sentences
 from phantom_dyn import load_robot

@@ -197,7 +197,7 @@ def nothing(quiet):
     return search, JudgedBand(problem, floor, floor)
 
 
-def left_over(quiet, nothing, residual):
+def residual_phrase(quiet, nothing, residual):
     plain, judged = nothing
     return unexplained(plain, frozenset(), judged, residual, residual)
 
@@ -213,7 +213,7 @@ def waves(quiet, size: float, joint: int = 1):
 
 
 def test_noise_has_no_structure(quiet, nothing):
-    found = left_over(quiet, nothing, quiet.noise)
+    found = residual_phrase(quiet, nothing, quiet.noise)
     assert not found.structured
     assert (found.joint, found.regime) == (None, None)
 
@@ -221,7 +221,7 @@ def test_noise_has_no_structure(quiet, nothing):
 @pytest.mark.parametrize(("joint", "name"), [(0, "shoulder"), (1, "elbow")])
 def test_what_returns_with_position_is_structure_of_its_joint(quiet, nothing, joint, name):
     floor = nothing[1].floor
-    found = left_over(quiet, nothing, waves(quiet, 5.0 * floor[joint], joint))
+    found = residual_phrase(quiet, nothing, waves(quiet, 5.0 * floor[joint], joint))
     assert found.structured
     assert found.joint == name
     assert found.regime is not None
