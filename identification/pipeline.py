@@ -22,7 +22,7 @@ from identification.diagnosis.judge.file_numbers import replay_of
 from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.result import Diagnosis, Judgement
 from identification.next_experiment.advise import Proposal
-from identification.notes import Code, Note, Said
+from identification.notes import Code, Note, Remark
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of, unknown_if_motion_deviates
@@ -285,10 +285,10 @@ def _result(
             *fault_warnings(session.recordings),
             *session.robot.warnings,
             *(
-                said
+                remark
                 for recording in session.recordings
-                for said in recording.said
-                if not _is_explained(said, judgement)
+                for remark in recording.remarks
+                if not _is_explained(remark, judgement)
             ),
             *rollout.warnings,
             *judgement.warnings,
@@ -309,9 +309,9 @@ def _result(
     )
 
 
-def _is_explained(said: Said, judgement: Judgement) -> bool:
+def _is_explained(remark: Remark, judgement: Judgement) -> bool:
     """True for a warning that the torque of a joint is too early, if a slow drive found on that joint explains it."""
-    if not isinstance(said, LagSentence) or not said.early:
+    if not isinstance(remark, LagSentence) or not remark.early:
         return False
     slow = (one for one in judgement.findings if any(number.unit == "s" for number in one.parameters.values()))
-    return any(one.joint in (None, said.joint) for one in slow)
+    return any(one.joint in (None, remark.joint) for one in slow)

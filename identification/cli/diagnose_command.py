@@ -207,7 +207,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
             json_file=arguments.json,
             known=known,
             config=arguments.robot_config,
-            tell=remarks.append,
+            on_missing=remarks.append,
             completed=completed,
         )
         diagnosis = completed(diagnosis)

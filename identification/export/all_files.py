@@ -57,7 +57,7 @@ from identification.export.uses.randomisation_file import randomisation_text
 from identification.export.uses.residual_model import residual_code, residual_note, residual_of, residual_table
 from identification.export.uses.simulator_files import isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
-from identification.notes import INCOMPLETE_FILES, Code, Note, Said
+from identification.notes import INCOMPLETE_FILES, Code, Note, Remark
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
@@ -73,7 +73,7 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
     return tuple(name for name in NAMES if out / name not in written)
 
 
-def incomplete_file_notes(notes: Iterable[Said]) -> tuple[Note, ...]:
+def incomplete_file_notes(notes: Iterable[Remark]) -> tuple[Note, ...]:
     """The notes of `export_texts` on files that were not written, and on findings that a file does not contain."""
     return tuple(note for note in notes if isinstance(note, Note) and note.code in INCOMPLETE_FILES)
 
@@ -100,7 +100,7 @@ def export_texts(
     if diagnosis.poses_alone:
         texts, diagnosis = _texts_of_poses(diagnosis, robot, folder, config, known)
         return {YAML: write_corrected(diagnosis, robot.source, robot.sha256), **texts}, diagnosis
-    if any(isinstance(said, Note) and said.code is Code.MODEL_IN_COMMON for said in diagnosis.notes):
+    if any(isinstance(remark, Note) and remark.code is Code.MODEL_IN_COMMON for remark in diagnosis.notes):
         # The findings are relative to a fitted model, not to the given model whose files would be changed.
         return {}, diagnosis
     best, other_numbers = _built_files(diagnosis, robot, folder, known, config), None

@@ -86,8 +86,8 @@ def _write_netcdf(data: Dataset, path: Path) -> None:
     """Write a data set as NetCDF.
 
     The library raises an unspecific error if the disk is full, so its error is replaced by one that names this cause.
-    The library also refuses to write a file that is locked, and `temporary_beside` holds a lock on ``path``. So the
-    file is written in a temporary folder and then copied.
+    It also refuses to write a locked file, and `temporary_beside` locks ``path``, so the file is written in a temporary
+    folder and then copied.
     """
     with TemporaryDirectory() as folder:
         made = Path(folder) / path.name

@@ -262,7 +262,7 @@ def identify(
         *fault_warnings(every),
         *missed_sentences(errors, shared),
         *robot.warnings,
-        *(sentence(finding) for recording in every for finding in recording.said),
+        *(sentence(finding) for recording in every for finding in recording.remarks),
         *_lacking_excitation(fit, excited.rank, not_excited(fit.base, excited)),
         *caution(split),
         *(one.sentence for one in fit.cautions if one.about is not About.SEPARATION),

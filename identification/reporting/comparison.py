@@ -99,8 +99,8 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
     """Compares diagnoses.
 
     A parameter counts as changed if its difference between two diagnoses is significant at 5 %, with a Bonferroni
-    correction over all compared parameters and pairs. Errors of the diagnoses are taken as independent; if diagnoses
-    share a recording, fewer changes are found.
+    correction over all compared parameters and pairs. Errors are taken as independent; if diagnoses share a recording,
+    fewer changes are found.
 
     Args:
         diagnoses: Two or more diagnoses of the same joints.
@@ -241,7 +241,7 @@ def _row_lines(row: ComparedFinding) -> list[str]:
     out = []
     for size in row.sizes:
         pairs = zip(size.values, row.missing, strict=True)
-        cells = [size_words(value) or statement or "not found" for value, statement in pairs]
+        cells = [value_with_interval(value) or statement or "not found" for value, statement in pairs]
         verdict = {True: ", changed", False: ", the same", None: ""}[size.changed]
         out.append(f"  {name}, {parameter_name(size.parameter)}: {' -> '.join(cells)}{verdict}")
     if not row.sizes:
@@ -251,7 +251,7 @@ def _row_lines(row: ComparedFinding) -> list[str]:
     return out
 
 
-def size_words(value: Value | None) -> str:
+def value_with_interval(value: Value | None) -> str:
     """A value with its 95 % interval, as in ``0.251 (0.250 to 0.252) N m``; empty for None."""
     if value is None:
         return ""

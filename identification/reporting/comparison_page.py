@@ -13,7 +13,7 @@ from identification.reporting.comparison import (
     ComparedSize,
     Comparison,
     first_lines,
-    size_words,
+    value_with_interval,
 )
 from identification.reporting.plain_page import figure, page, table
 from identification.words.diagnosis_words import capital, joined, parameter_name, placed_effect
@@ -51,7 +51,10 @@ def _findings_table(found: Comparison) -> str:
     for row in found.findings:
         name = capital(placed_effect(row.at))
         for size in row.sizes:
-            cells = [size_words(value) or statement for value, statement in zip(size.values, row.missing, strict=True)]
+            cells = [
+                value_with_interval(value) or statement
+                for value, statement in zip(size.values, row.missing, strict=True)
+            ]
             verdict = _CHANGED[any(row.missing) or size.changed]
             rows.append((f"{name}, {parameter_name(size.parameter)}", *map(_plain, cells), verdict))
         if not row.sizes:
@@ -97,7 +100,7 @@ def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:
     pairs = [_entry(value, entry) for value in size.values]
     y, std = np.array(pairs, dtype=float).T
     half = INTERVAL * np.where(np.isfinite(std), std, 0.0)
-    tips = tuple("" if value is None else _plain(size_words(value)) for value in size.values)
+    tips = tuple("" if value is None else _plain(value_with_interval(value)) for value in size.values)
     return Curve(np.arange(len(y)), y, colour, 1.0, opacity=0.5, marked=True, half=half, tips=tips)
 
 

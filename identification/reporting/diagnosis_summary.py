@@ -10,10 +10,10 @@ import numpy as np
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.engine import contract_levels
-from identification.notes import Said
+from identification.notes import Remark
 from identification.words import diagnosis_words as words
 from identification.words.diagnosis_words import ratio_words
-from identification.words.geometry_words import sentences
+from identification.words.geometry_words import geometry_sentences
 from identification.words.law_words import law_line
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import (
@@ -40,7 +40,7 @@ _DIFFERS = 2.0  # a parameter counts as different from zero above this number of
 
 def summary(diagnosis: Diagnosis) -> str:
     """The summary: verdict, gap, findings with their sizes, a table of joints, and the most important notes."""
-    poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
+    poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(geometry_sentences(diagnosis.geometry)))]
     diagnosis = with_stated_probabilities(diagnosis.with_torque_verdict)
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
     proposed = next_experiment_lines(diagnosis)
@@ -60,7 +60,7 @@ def next_experiment_lines(diagnosis: Diagnosis) -> list[str]:
     return [_wrapped(f"Next experiment: {proposal}")] if proposal else []
 
 
-def note_lines(notes: Sequence[Said]) -> list[str]:
+def note_lines(notes: Sequence[Remark]) -> list[str]:
     """Lines of notes."""
     return [_wrapped(f"Note: {sentence}", "  ") for sentence in note_sentences(notes)]
 

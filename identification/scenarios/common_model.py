@@ -1,8 +1,8 @@
 """Fits a model to the recordings without a load, so that a diagnosis finds only the unknown load of the others.
 
 The fit covers the inertial parameters of all links, and friction and a constant torque of every joint. The links stay
-physically consistent, with a prior at the given parameters. The diagnosis of all recordings starts from the fitted
-model. So errors of the given model, which affect all recordings, do not count as a change.
+physically consistent, with a prior at the given parameters. All recordings are then diagnosed with the fitted model, so
+that errors of the given model, which affect all recordings, do not count as a change.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Decides whether a gap counts that shows in a narrower or wider band than the one that is chosen from the data.
 
 A joint has no gap if its residual in the judged band may be noise. The noise of position readings grows with the square
-of the frequency. In a wide band it hides effects at low frequencies, such as an offset that drifts. A narrow band does
-not contain most of the torque of play or of a stiff spring, which comes in short pulses. So a robot has no gap only if
+of the frequency, so that in a wide band it hides effects at low frequencies, such as an offset that drifts. A narrow
+band lacks most of the torque of play or of a stiff spring, which comes in short pulses. So a robot has no gap only if
 it has none in a narrower and in a wider band either.
 """
 
@@ -31,8 +31,8 @@ def are_distinct_bands(first_hz: float, other_hz: float) -> bool:
 def shows_gap(found: Diagnosis) -> bool:
     """True if a diagnosis in another band has a probable finding, or a residual that is clearly more than noise.
 
-    With more bands, a sound robot is a little above its noise in one of them more often, or a finding of many rivals
-    explains it. So more is needed than in the band chosen from the data.
+    In one of several bands, a sound robot is more often a little above its noise, or has a finding with many rivals. So
+    more is needed than in the band chosen from the data.
 
     Args:
         found: A diagnosis in a narrower or wider band.

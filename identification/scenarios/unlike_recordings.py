@@ -42,10 +42,6 @@ def _unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
     The model fits a recording if its residual may be noise on every joint. The recording counts only if, on the joints
     with a gap, its modelled torque is large enough for this gap to be visible. There is no note if the findings explain
     all recordings, or if the user states what changed between them.
-
-    Args:
-        problem: Robot and recordings.
-        judgement: Verdict and noise of each joint.
     """
     session = problem.session
     stated = bool(session.differences.effects)

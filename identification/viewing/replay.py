@@ -295,7 +295,7 @@ def replay_of(
         full=full,
         horizon_s=motion.horizon_s,
         corrections=_corrections(correction, robot),
-        notes=(*fault_warnings((recording,)), *sentences(recording.said), *motion.notes),
+        notes=(*fault_warnings((recording,)), *sentences(recording.remarks), *motion.notes),
     )
 
 

@@ -28,7 +28,7 @@ EFFECTS = {
 def verdict_sentences(diagnosis: Diagnosis) -> str:
     """The verdict in a few sentences: on the torques if there are any, then on the poses if there are any."""
     torques = [] if diagnosis.poses_alone else [headline(with_stated_probabilities(diagnosis.with_torque_verdict))]
-    return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
+    return " ".join([*torques, *([] if diagnosis.geometry is None else geometry_sentences(diagnosis.geometry))])
 
 
 def all_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
@@ -61,7 +61,7 @@ def small_words(value: float, unit: str) -> str:
     return f"{number(factor * value)} {name}"
 
 
-def size_words(one: Number) -> str:
+def number_words(one: Number) -> str:
     """A number with its standard deviation, lengths in mm and angles in mrad."""
     factor, name = _SMALL.get(one.unit, (1.0, one.unit))
     return value_words(Value(factor * one.value, factor * one.std, name))
@@ -71,8 +71,8 @@ def finding_at(finding: PoseFinding) -> str:
     """Effect, joint and sizes, as in ``a zero error of j2 of 2.0 ± 0.1 mrad``."""
     at = f"{EFFECTS[finding.effect]} of {place_of(finding.effect, finding.joint)}"
     if finding.effect == ELASTIC:
-        return f"{at} ({sizes_words(finding)})"
-    return f"{at}{', by' if finding.effect in PLACES else ' of'} {sizes_words(finding)}"
+        return f"{at} ({finding_sizes(finding)})"
+    return f"{at}{', by' if finding.effect in PLACES else ' of'} {finding_sizes(finding)}"
 
 
 def place_of(effect: str, joint: str | None) -> str:
@@ -82,7 +82,7 @@ def place_of(effect: str, joint: str | None) -> str:
     return "the base" if joint is None else joint
 
 
-def sizes_words(finding: PoseFinding) -> str:
+def finding_sizes(finding: PoseFinding) -> str:
     """Sizes of a finding: the stiffness of an elasticity, the components of a wrong place, or the offset of a zero."""
     if finding.effect == ELASTIC:
         compliance = finding.parameters["compliance"]
@@ -90,8 +90,8 @@ def sizes_words(finding: PoseFinding) -> str:
         stiffness = Value(1.0 / compliance.value, compliance.std / compliance.value**2, unit)
         return f"stiffness {value_words(stiffness)}"
     if finding.effect in PLACES:
-        return joined([f"{size_words(one)} {_along(name)}" for name, one in finding.parameters.items()])
-    return size_words(finding.parameters["offset"])
+        return joined([f"{number_words(one)} {_along(name)}" for name, one in finding.parameters.items()])
+    return number_words(finding.parameters["offset"])
 
 
 def _stiffness_unit(compliance: str) -> str:
@@ -113,7 +113,7 @@ def place_words(place: Place) -> str:
     return f"{at} {joined([_along(name) for name in place.parameters])}"
 
 
-def sentences(found: GeometryResult) -> list[str]:
+def geometry_sentences(found: GeometryResult) -> list[str]:
     """Sentences on the errors of the measured frames, their causes, and the errors that remain."""
     return [_gap_sentence(found), *_cause_sentences(found), *_delay_sentences(found), *note_sentences(found.notes)]
 

@@ -216,7 +216,7 @@ def _detectable_deviations(search: Search, term: Term, by_block: Float[Array, " 
 
 
 def _least_gain_over_blocks(by_block: Float[Array, " B"], needed: float) -> float:
-    """Least gain at which an effect passes the gate `in_enough_blocks`, which offers three ways to pass.
+    """Least gain at which an effect passes the gate `in_enough_blocks`, which has three alternative tests.
 
     Args:
         by_block: Information on the size of the effect in each block, ``(B,)``.

@@ -2,7 +2,7 @@
 
 A burst is an event that the state of the robot does not predict: a push, a contact, a cable that catches. The expected
 variance is the sum of the noise, the error of the model, which grows with the modelled torque, and the uncertain
-friction of joints that stand still, creep or reverse. So a large residual at a large torque need not be a burst.
+friction of joints that stand still, creep or reverse.
 """
 
 from __future__ import annotations
@@ -141,10 +141,10 @@ def distinct_bursts(
 ) -> tuple[Burst, ...]:
     """The bursts that are not just peaks of a gap, which leaves a residual above the noise at other times as well.
 
-    A burst on a joint with a gap has to exceed the root mean square residual at other times by `BURST_RATIO`. It need
-    not be the only residual above the noise, because a push also spoils the fit of the other samples. A burst on any
-    joint has to exceed the residual of each joint with a gap, because the unmodelled torque of one joint may act on
-    others with at most its own size.
+    A burst on a joint with a gap has to exceed the root mean square residual at other times by `BURST_RATIO`; that
+    residual may be above the noise, because a push also spoils the fit of other samples. A burst on any joint has to
+    exceed the residual of each joint with a gap, because the unmodelled torque of one joint may act on others with at
+    most its own size.
 
     Args:
         bursts: Bursts in all recordings.
@@ -209,10 +209,9 @@ def bursts_in(
 def _events_in(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
     """First and last sample of each event on one joint, and its largest mean over a window.
 
-    Events are found one after the other, the largest first. Each is removed with its flanks before the next search,
-    because windows beside it contain a part of it. An event counts only if it exceeds the largest level at all other
-    times by `BURST_TIMES`. Otherwise the noise itself varies, as does the response of a controller to the steps of its
-    encoder in a log with a low rate.
+    Events are found one after the other, the largest first. Each is removed with its flanks before the next search. An
+    event counts only if it exceeds the largest level at all other times by `BURST_TIMES`. Otherwise the noise itself
+    varies, as does the response of a controller to the steps of its encoder in a log with a low rate.
 
     Args:
         relative: Unexplained torque, divided by its expected standard deviation, ``(n,)``.

@@ -1,7 +1,7 @@
 """Numbers for the files of the corrected model: sizes of effects and changes within tolerance, from the same fit.
 
-The report lists only changes within tolerance that clearly differ from zero. The corrected model needs all of them: the
-size of an effect that was fitted together with a change of a mass is wrong without that change.
+The report lists only changes within tolerance that clearly differ from zero. The corrected model needs all of them: an
+effect that was fitted together with a change of a mass has the wrong size without that change.
 """
 
 from __future__ import annotations

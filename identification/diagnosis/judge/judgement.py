@@ -190,13 +190,7 @@ def _shown_and_residual(
 
 
 def _fits_as_given(result: _ResidualAndFloor, given: ResidualSums, within: ResidualSums) -> bool:
-    """True if the residual of the given model may be noise, and is smaller than that of the adjusted model.
-
-    Args:
-        result: Gives the noise floor.
-        given: Residual of the given model.
-        within: Held-out residual of the model adjusted within its tolerances.
-    """
+    """True if the residual of the given model may be noise, and is smaller than that of the adjusted model (within)."""
     equal_weights, floor = np.ones((1, len(given.counts))), result.floor
     smaller = given.loss(floor.value, equal_weights)[0] < within.loss(floor.value, equal_weights)[0]
     return bool(smaller and np.all(given.rms() <= floor.allowed))
@@ -245,7 +239,7 @@ def _with_predictable_noise(
     Args:
         result: The residual, with the noise floor without this part.
         plain: Plain fits in the judged band.
-        chosen: The effects of the residual.
+        chosen: The effects in the model.
         noise: Noise of each log's torque.
         joints: Joints to whose floor the part is added, ``(nv,)``; None: all.
     """

@@ -48,7 +48,7 @@ def gap_starts(t: Float[Array, " N"]) -> Int[Array, " g"]:
     return np.flatnonzero(step > 10 * np.median(step)) + 1
 
 
-def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], seconds: float) -> slice:
+def largest_residual_section(t: Float[Array, " N"], residual: Float[Array, " N"], seconds: float) -> slice:
     """The section of one recording, at most `seconds` long, with the largest mean square of the residual.
 
     A recording shorter than `seconds` is chosen only if all recordings are shorter.

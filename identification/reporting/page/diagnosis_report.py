@@ -12,7 +12,7 @@ from markupsafe import Markup
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Diagnosis, Finding
 from identification.export.file_names import MJCF, URDF, YAML
-from identification.notes import Note, Said
+from identification.notes import Note, Remark
 from identification.reporting.page.explaining import JointMotion, joint_motions, joint_of
 from identification.reporting.page.first_screen import gap_bars_of, groups_of, share_curve
 from identification.reporting.page.gap_figures import (
@@ -142,9 +142,9 @@ def _details(diagnosis: Diagnosis) -> list[str]:
     return [*([] if whole == short_headline(diagnosis) else [whole]), *reservations(diagnosis)]
 
 
-def _on_model_files(said: Said) -> bool:
+def _on_model_files(remark: Remark) -> bool:
     """True for notes on the files of the corrected model, which have their own section."""
-    return isinstance(said, Note) and bool({YAML, URDF, MJCF} & set(said.files))
+    return isinstance(remark, Note) and bool({YAML, URDF, MJCF} & set(remark.files))
 
 
 def _closed(diagnosis: Diagnosis) -> str:

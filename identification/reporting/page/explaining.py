@@ -1,7 +1,6 @@
 """Chooses the variable over which a residual is drawn: the variable that explains most of the residual.
 
-The diagnosis contains the motion of driven joints. The motion of passive joints of a closed chain is computed with the
-robot model.
+The diagnosis contains the motion of driven joints; that of passive joints of a closed chain is computed.
 """
 
 from __future__ import annotations
@@ -50,8 +49,8 @@ class Variable:
 def joint_of(diagnosis: Diagnosis, joint: str | None) -> int:
     """Index of the joint whose residual shows a finding.
 
-    For a finding on a driven joint, it is this joint. For a coupling, it is the one of the two joints whose residual
-    decreased more. For the whole robot or a passive joint, it is the joint of the robot whose residual decreased most.
+    It is the joint of the finding if it is driven. For a coupling, it is the one of the two joints whose residual
+    decreased more; for the whole robot or a passive joint, the joint whose residual decreased most.
     """
     rows = {gap.joint: k for k, gap in enumerate(diagnosis.joints)}
     if joint in rows:

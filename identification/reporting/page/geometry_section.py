@@ -27,7 +27,7 @@ def poses_view(found: GeometryResult) -> dict[str, Any]:
     ``not_testable`` the parameters that these poses do not determine, with the reason.
     """
     return {
-        "sentences": words.sentences(found),
+        "sentences": words.geometry_sentences(found),
         "findings": [_finding(one) for one in (*found.findings, *found.minor)],
         "frames": [_frame(one) for one in found.frames],
         "fitted": [
@@ -50,7 +50,7 @@ def _finding(one: PoseFinding) -> Row:
     rivals = "; ".join(words.joined([words.place_words(place) for place in rival.places]) for rival in one.rivals)
     return (
         f"{words.EFFECTS[one.effect]} of {words.place_of(one.effect, one.joint)}",
-        words.sizes_words(one),
+        words.finding_sizes(one),
         finding_share(one),
         certainty_words(one.probability),
         rivals or "nothing",

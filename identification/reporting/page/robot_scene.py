@@ -259,8 +259,8 @@ class Postures:
 def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
     """Postures at equal steps through the recording.
 
-    Without samples, only the neutral posture is returned. If the loops of the robot cannot be solved along the
-    recording, only the posture in its middle is returned.
+    The result is only the neutral posture without samples, and only the posture in the middle of the recording if the
+    loops of the robot cannot be solved along it.
     """
     q, t = diagnosis.evidence.q, diagnosis.evidence.t
     finite = np.flatnonzero(np.isfinite(q).all(axis=1)) if q.size else np.zeros(0, dtype=int)

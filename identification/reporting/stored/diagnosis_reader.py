@@ -67,8 +67,8 @@ class _Document:
 def read_diagnosis(path: str | Path) -> Diagnosis:
     """The diagnosis in a file; numbers that were not finite are NaN.
 
-    Samples, names of recordings, notes and the proposed motion are empty, because the file does not contain them. Files
-    of earlier versions do not contain the name of the robot either.
+    Samples, names of recordings, notes and the proposed motion are empty, because the file does not contain them; so is
+    the name of the robot in files of earlier versions.
 
     Args:
         path: ``diagnosis.json``, or the folder that contains it.

@@ -87,11 +87,7 @@ def _object(kind: Any, parameters: tuple[Any, ...], data: Any, at: str) -> Any:
 
 
 def _entries(parts: tuple[Any, ...], data: Any, at: str) -> list[Any]:
-    """Entries of a list or tuple.
-
-    With ``parts`` of ``float`` or ``float, ...`` all entries have one type and their number is free. Otherwise
-    ``parts`` has one type for each entry.
-    """
+    """Entries of a list or tuple; ``parts`` has a type for each, or one for all, as ``float`` or ``float, ...``."""
     if not isinstance(data, list | tuple):
         _refuse("array", data, at)
     kinds = parts if len(parts) > 1 and parts[-1] is not Ellipsis else parts[:1] * len(data)

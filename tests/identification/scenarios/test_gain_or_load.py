@@ -84,7 +84,7 @@ def test_the_torque_of_a_higher_gain_is_as_many_times_larger(driven, estimated):
 
 def test_the_warning_names_both_gains_in_place_of_the_old_one(driven, estimated):
     _, (recording,) = with_scaled_gains(driven, (estimated,), {"pin": 1.5})
-    other, note = recording.said
+    other, note = recording.remarks
     assert (other, note.code) == ("other", Code.GAIN_BY_FRICTION)
     words = sentence(note)
     assert (

@@ -21,10 +21,10 @@ def closes_certain_gap(context: GateContext, shown: frozenset[Term], term: Term)
 def gain_in_highest_noise(context: GateContext, shown: frozenset[Term], term: Term) -> tuple[float, float]:
     """In-sample gain of an effect if each joint has its largest possible noise, and the gain by chance.
 
-    Only joints count that have a gap without the effect and no gap with it. The reason: most of the largest possible
-    noise is uncertain friction, which repeats with the motion, so that the gain of an effect from it has no limit by
-    chance. But uncertain friction hardly ever has the shape of an effect, so that a gap would remain with the effect.
-    Gains are reduced by the squared ratio of the noise by which fits are weighted to the largest possible noise.
+    Only joints count that have a gap without the effect and no gap with it: most of the largest possible noise is
+    uncertain friction, which repeats with the motion, so that chance does not limit the gain of an effect from it. But
+    uncertain friction hardly ever has the shape of an effect, so that a gap would remain with the effect. Gains are
+    multiplied by the squared ratio of the noise by which fits are weighted to the largest possible noise.
     """
     fits, problem, others = context.search.fits, context.search.problem, shown - {term}
     noise_of_weights = residual_sums(problem, problem.session.in_judged_band(context.noise)).rms()

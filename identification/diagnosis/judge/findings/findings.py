@@ -56,7 +56,7 @@ from identification.diagnosis.search.claims import rows_of_term
 from identification.engine import contract_levels
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
-from identification.notes import Code, Note, Said
+from identification.notes import Code, Note, Remark
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.inertia import payload_body
@@ -71,10 +71,10 @@ _SAME_POSITION = 1e-4  # positions of a payload in two frames count as equal wit
 _FAR_FROM_ONE = 0.25
 
 
-def size_remarks(shown: ShownEffects) -> tuple[Said, ...]:
+def size_remarks(shown: ShownEffects) -> tuple[Remark, ...]:
     """Notes on the sizes of findings, such as one-sided intervals, missing parts and implausible sizes."""
     robot = shown.problem.session.robot
-    out = list[Said]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown), *center_notes(shown)))
+    out = list[Remark]((*drive_sum_notes(shown), *volts_notes(shown), *one_sided_notes(shown), *center_notes(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.full_fit.coefficients(term)
         assert isinstance(effect, Effect)
@@ -82,8 +82,8 @@ def size_remarks(shown: ShownEffects) -> tuple[Said, ...]:
             out += sum_notes(robot, term)
             out += missing_part_notes(shown.problem, term, own)
             out += possible_load_notes(robot, term, own, shown.full_fit.presence_covariance(term))
-        elif said := effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape)):
-            out.append(said)
+        elif remark := effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape)):
+            out.append(remark)
     return (*out, *size_notes(shown))
 
 
@@ -200,9 +200,9 @@ def drive_sum_notes(shown: ShownEffects) -> tuple[Note, ...]:
 def volts_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on joints whose recorded torque may be a voltage, because it is scaled and includes viscous friction.
 
-    The voltage of a motor is torque times resistance over torque constant, plus speed times torque constant. So a
-    voltage that is taken for a torque looks like a wrong torque constant with viscous friction. The torque constant may
-    be a finding or a rival of a finding, because on a single joint a load may have a similar torque.
+    The voltage of a motor is torque times resistance over torque constant, plus speed times torque constant. Taken for
+    a torque, it looks like a wrong torque constant with viscous friction. The torque constant may be a finding or a
+    rival of one, because on a single joint a load may have a similar torque.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -258,11 +258,7 @@ def center_notes(shown: ShownEffects) -> tuple[Note, ...]:
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:
     """Torque per speed on a joint for one unit of an effect's only parameter; None if there is no such torque.
 
-    Args:
-        robot: The given model.
-        term: The effect.
-        row: Index of the joint.
-        gain: Torque per unit of the reference [N m/rad or N/m]; zero if the torque does not depend on references.
+    ``gain`` is the torque per unit of the reference [N m/rad or N/m]; zero if the torque does not depend on references.
     """
     effect, joint = term.effect, robot.joint_names[row]
     if not isinstance(effect, Effect) or effect.inertial is not None or term.joint not in (None, joint):

@@ -29,8 +29,8 @@ class ShownEffects:
         plain: The search with plain fits in the judged band.
         chosen: The shown effects, including structures without a name (they match no effect of the catalogue).
         full_fit: Fit of all parameters of these effects at once.
-        comparisons: Comparison of each named effect with its rivals. The other effects of ``all_found`` are fitted,
-            too, so that no rival wins by explaining an effect that is too small to be shown.
+        comparisons: Comparison of each named effect with its rivals, in fits with all other effects of ``all_found``:
+            no rival then wins by explaining an effect that is too small to be shown.
         all_found: All effects that the search has found, after replacements of effects by rivals.
     """
 

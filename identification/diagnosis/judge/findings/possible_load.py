@@ -19,8 +19,8 @@ _NEGATIVE_DEVIATIONS = 2.0
 def possible_load_notes(robot: Robot, term: Term, changes: Float[Array, " k"], cov: Float[Array, "k k"]) -> list[Note]:
     """A note if the found change of the link that carries loads may be an additional body, such as a bar or a disc.
 
-    The law of a payload is a point mass. A bar or a disc that turns about the last axis has a moment of inertia of its
-    own, which only free inertial parameters express. No data distinguish such a load from a change of the link itself.
+    The law of a payload is a point mass. Only free inertial parameters express the moment of inertia of a bar or a disc
+    that turns about the last axis. No data distinguish such a load from a change of the link itself.
 
     Args:
         robot: The given model.

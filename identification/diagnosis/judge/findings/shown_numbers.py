@@ -98,8 +98,8 @@ def reach_of(robot: Robot) -> float:
 def widened_by_tolerances(fitted: FullFit, plain: Search, chosen: frozenset[Term]) -> FullFit:
     """The fit, with standard deviations enlarged by the change of each size if the tolerances are three times as wide.
 
-    This is done only if a change of the model within its tolerances is at its limit. Then the model is probably wrong
-    by more, and this error also affects the sizes.
+    This is done only if a change of the model within its tolerances is at its limit: the model is then probably wrong
+    by more, which also affects the sizes.
 
     Args:
         fitted: Fit of all parameters.
@@ -118,8 +118,7 @@ def widened_by_rivals(fitted: FullFit, shown: ShownEffects) -> FullFit:
     """The fit, with standard deviations enlarged by the change of each size if a rival replaces another finding.
 
     Each set with rivals counts once, with its largest probability: a set in which one effect replaces two findings is a
-    rival set of both. A rival set may also contain the finding and add an effect; it counts for the size of that
-    finding, too.
+    rival set of both. Sets that keep the finding and add an effect count for its size, too.
 
     Args:
         fitted: Fit of all parameters.

@@ -14,7 +14,7 @@ from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.plausible_sizes import implausible_size
 from identification.diagnosis.search.refinement import found_effects
-from identification.notes import Code, Note, Said
+from identification.notes import Code, Note, Remark
 from phantom_dyn.effects.effect import Effect
 
 # Friction is tested at speeds above this share of the largest speed. Slower samples may follow a reversal, after which
@@ -48,7 +48,7 @@ def size_notes(shown: ShownEffects) -> list[Note]:
     return [*out, *(Note(Code.FRICTION_DRIVES, names[row]) for row in _driven_by_friction(shown))]
 
 
-def all_plausible(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
+def all_plausible(findings: Iterable[Finding], notes: Iterable[Remark]) -> bool:
     """True if no finding has an implausible size, or is on a joint whose friction drives the motion.
 
     Args:

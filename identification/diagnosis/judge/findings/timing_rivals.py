@@ -83,11 +83,7 @@ def hidden_twins(found: Chosen, shown: Chosen) -> Chosen:
 def _close_rivals(
     context: GateContext, found: Chosen, term: Term, barred: frozenset[EffectJoint]
 ) -> dict[Chosen, Term]:
-    """Rivals whose residual differs so little from that of the finding that noise may be the reason.
-
-    Returns:
-        The law of a late torque that replaces the finding, by the set that results.
-    """
+    """Rivals whose residual differs so little from the finding's that noise may be the reason, by the resulting set."""
     residual, out = np.maximum(residual_sums_with(context.plain, found).rms(), 1e-300), dict[Chosen, Term]()
     for rival in context.search.terms:
         same_place = rival.joint == term.joint or None in (rival.joint, term.joint)

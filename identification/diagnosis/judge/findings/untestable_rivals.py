@@ -1,7 +1,6 @@
 """Rivals of a finding that the recordings cannot show, because in their motion they look like the finding.
 
-An effect that was not tested is not ruled out. For example, backlash looks like an encoder offset if the load never
-changes its sign.
+For example, backlash looks like an encoder offset if the load never changes its sign.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ from identification.diagnosis.search.special_cases import (
 )
 from identification.diagnosis.search.stepwise import forward_selection
 from identification.diagnosis.search.swaps import alternatives, with_swaps
-from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+from identification.scenarios.motion_only import commanded_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Actuator, Controller
 from phantom_dyn.motion import Motion
@@ -55,7 +55,7 @@ def servo(lab):
     law = position_control(t, q_ref, np.zeros_like(q_ref), kp=np.array([60.0]), kd=np.array([6.0]))
     q = simulate(robot, (), law, t, np.zeros(1)).q + 1e-5 * np.random.default_rng(1).standard_normal(q_ref.shape)
     recording = with_commanded_torque(Recording("s.csv", robot.joint_names, t, q, None, q_ref=q_ref), robot)
-    return lab.prepared(motion_robot(robot), (recording,))
+    return lab.prepared(commanded_robot(robot), (recording,))
 
 
 def test_a_late_reference_and_viscous_friction_are_near_twins(servo):
