@@ -200,9 +200,9 @@ def _built_files(
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
     if residual is not None and RESIDUAL in texts:
         notes.append(residual_note(residual))
-    moved = joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
-    if moved and FEEDFORWARD in texts:
-        notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(moved)}))
+    corrections = joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
+    if corrections and FEEDFORWARD in texts:
+        notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(corrections)}))
     wanted = NAMES
     if robot.floating:
         problem = "the torque of another motion depends on the motion of the base, which is not known in advance."
@@ -229,12 +229,12 @@ def _with_moved_joints(
     notes = [*not_in_files(diagnosis.geometry, known), *corrections.notes]
     out = dict(texts)
     if corrections.urdf and URDF in out:
-        moved, missing = urdf_with_corrected_joints(out[URDF], corrections.urdf)
+        corrected_text, missing = urdf_with_corrected_joints(out[URDF], corrections.urdf)
         notes += [_places_not_in(URDF, missing, given=False)] if missing else []
-        if problem := problem_of_loops(moved, robot, config):
+        if problem := problem_of_loops(corrected_text, robot, config):
             notes.append(Note(Code.LOOPS_STAY_OPEN, None, {"files": (URDF,), "problem": problem}))
         else:
-            out[URDF] = moved
+            out[URDF] = corrected_text
     if corrections.mjcf and MJCF in out:
         out[MJCF], missing = mjcf_with_corrected_joints(out[MJCF], corrections.mjcf)
         if missing:
@@ -303,8 +303,8 @@ def _models(
             files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
             return _Models(corrected, (), (not_written_note(error, URDF, MJCF),))
-        kept, _, _ = passed_files({file.name: file.text for file in files if file.text}, check_of(corrected))
-        return _Models(corrected, files, body_notes, len(kept))
+        passed, _, _ = passed_files({file.name: file.text for file in files if file.text}, check_of(corrected))
+        return _Models(corrected, files, body_notes, len(passed))
 
     best: _Models | None = None
     failure: PhantomDynError | None = None
@@ -322,8 +322,8 @@ def _models(
         raise failure
     if not diagnosis.adjusted:
         return best, ()
-    held = best.corrected.base is not robot
-    return best, (Note(Code.WITHIN_TOLERANCE, None, {"count": len(diagnosis.adjusted), "held": held}),)
+    included = best.corrected.base is not robot
+    return best, (Note(Code.WITHIN_TOLERANCE, None, {"count": len(diagnosis.adjusted), "held": included}),)
 
 
 def _recorded_motion(diagnosis: Diagnosis) -> Motion:

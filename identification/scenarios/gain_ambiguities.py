@@ -60,8 +60,8 @@ def without_gain_ambiguities(
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     results = _gate_results(judgement.findings, estimated, robot)
     removed = {effect_joint for effect_joint, result in results.items() if not result.passed}
-    kept = [_effect_joint(finding) not in removed for finding in judgement.findings]
-    findings = tuple(compress(judgement.findings, kept))
+    remains = [_effect_joint(finding) not in removed for finding in judgement.findings]
+    findings = tuple(compress(judgement.findings, remains))
     found = {_effect_joint(finding) for finding in findings}
     hidden_by_gains = _hidden_by_gains(judgement, estimated)
     hidden = {(entry.effect, entry.joint) for entry in hidden_by_gains}
@@ -84,7 +84,7 @@ def without_gain_ambiguities(
         if _effect_joint(one) not in removed
     )
     warned += _zero_notes(findings, robot)
-    shown = tuple(compress(judgement.evidence.tau_without, kept))
+    shown = tuple(compress(judgement.evidence.tau_without, remains))
     verdict = "no_gap" if not findings and judgement.verdict == "explained" else judgement.verdict
     return replace(
         judgement,

@@ -79,8 +79,8 @@ def with_scaled_gains(
     driven = replace(robot, actuators=tuple(actuators))
     out = []
     for k, one in enumerate(recordings):
-        kept = tuple(n for n in one.notes if n.code is not Code.GAINS_ESTIMATED or n.joint not in scales)
-        notes = (*kept, *higher) if k == 0 else kept
+        other_notes = tuple(n for n in one.notes if n.code is not Code.GAINS_ESTIMATED or n.joint not in scales)
+        notes = (*other_notes, *higher) if k == 0 else other_notes
         out.append(replace(one, tau=limited_controller_torque(one, driven), notes=notes))
     return driven, tuple(out)
 

@@ -79,10 +79,10 @@ def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
     shared = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
     if shared is None:
         return recordings
-    kept = tuple(replace(one, notes=tuple(n for n in one.notes if not _same(n, shared))) for one in others)
-    removed = sum(len(before.notes) - len(after.notes) for before, after in zip(others, kept, strict=True))
+    without_note = tuple(replace(one, notes=tuple(n for n in one.notes if not _same(n, shared))) for one in others)
+    removed = sum(len(before.notes) - len(after.notes) for before, after in zip(others, without_note, strict=True))
     notes = tuple(note.with_numbers(more=removed) if note is shared and removed else note for note in first.notes)
-    return (replace(first, notes=notes), *kept)
+    return (replace(first, notes=notes), *without_note)
 
 
 def _same(one: Note, other: Note) -> bool:

@@ -220,8 +220,8 @@ def finding_share(finding: Finding | PoseFinding) -> str:
 
 def share_of_gap_words(finding: Finding | PoseFinding, whole: str = "the gap") -> str:
     """``71 % of the gap``; with a negative share ``none of the gap on average, 2 % if added last``."""
-    share, on_average, rest = finding_share(finding).partition(_ON_AVERAGE)
-    return f"{share} of {whole}{on_average}{rest}"
+    share, on_average, remainder = finding_share(finding).partition(_ON_AVERAGE)
+    return f"{share} of {whole}{on_average}{remainder}"
 
 
 def shown_parameters(finding: Finding) -> dict[str, Value]:

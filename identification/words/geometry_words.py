@@ -139,13 +139,14 @@ def _cause_sentences(found: GeometryResult) -> list[str]:
     if len(found.findings) > 1:
         others = [f"{finding_at(one)} ({finding_share(one)}{_rivals(one)})" for one in found.findings[1:]]
         out.append(f"Besides, {joined(others)}.")
-    left = [f"{small_words(f.rms_after, f.unit)} of a noise of {_floor(f)}" for f in found.frames]
+    remaining_errors = [f"{small_words(f.rms_after, f.unit)} of a noise of {_floor(f)}" for f in found.frames]
     more = {
         "explained": "",
         "partly_explained": "; part of it is still unexplained",
         "unknown": "; it depends on the posture in a way that no zero, place or elasticity explains",
     }
-    return [*out, f"With {'it' if len(found.findings) == 1 else 'them'}, {joined(left)} is left{more[found.verdict]}."]
+    subject = "it" if len(found.findings) == 1 else "them"
+    return [*out, f"With {subject}, {joined(remaining_errors)} is left{more[found.verdict]}."]
 
 
 def _floor(frame: FrameGap) -> str:
@@ -179,9 +180,9 @@ def _rivals(finding: PoseFinding) -> str:
 
 def _delay_sentences(found: GeometryResult) -> list[str]:
     """Sentences on files whose poses are delayed by more than three standard deviations."""
-    seen = [late for late in found.delays if abs(late.delay) > 3 * late.std]
+    late_files = [late for late in found.delays if abs(late.delay) > 3 * late.std]
     return [
         f"In {late.file} poses are stamped {1e3 * abs(late.delay):.3g}{NO_BREAK}ms "
         f"{'later' if late.delay > 0 else 'earlier'} than joint positions; this was corrected."
-        for late in seen
+        for late in late_files
     ]

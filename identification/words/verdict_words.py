@@ -92,14 +92,14 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence, without faults of the recording."""
     names = [_named(kinds, diagnosis) for kinds in grouped(diagnosis)]
     named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
-    left = residual_phrase(diagnosis)
+    residual_words = residual_phrase(diagnosis)
     if diagnosis.verdict == "explained":
         return f"The gap between robot and model is explained by {named or 'what was adjusted'}."
     if diagnosis.verdict == "partly_explained":
-        return f"Part of the gap between robot and model is explained by {named}; {left}."
+        return f"Part of the gap between robot and model is explained by {named}; {residual_words}."
     if diagnosis.verdict == "unknown":
         found = f" ({named} found, but not enough)" if names else ""
-        return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
+        return f"There is a gap between robot and model that the catalogue does not explain{found}: {residual_words}."
     if diagnosis.verdict == "no_gap":
         beyond = "noise, what drives and slow joints may leave," if _joints_above_noise(diagnosis) else "noise"
         return f"The model fits the robot: nothing was found beyond {beyond} and the tolerances that the model states."
@@ -331,24 +331,24 @@ def hidden_words(change: Adjusted) -> str:
 
 def residual_phrase(diagnosis: Diagnosis) -> str:
     """Phrase on the unexplained residual: events with their times, joints above their noise floor, and structure."""
-    left, parts = diagnosis.unexplained, []
-    if left.times:
-        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_MOST_TIMES]])
-        more = f" and {len(left.times) - _MOST_TIMES} more times" if len(left.times) > _MOST_TIMES else ""
+    unexplained, parts = diagnosis.unexplained, []
+    if unexplained.times:
+        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in unexplained.times[:_MOST_TIMES]])
+        more = f" and {len(unexplained.times) - _MOST_TIMES} more times" if len(unexplained.times) > _MOST_TIMES else ""
         # A residual with structure is named with its joint below; events may be on other joints.
-        where = "" if left.structured else f" on {place('', left.joint)}"
+        where = "" if unexplained.structured else f" on {place('', unexplained.joint)}"
         parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
     above = [gap for gap in above if not gap.only_given_fits] or above
-    if left.structured:
-        parts.append(unexplained_phrase(left))
+    if unexplained.structured:
+        parts.append(unexplained_phrase(unexplained))
     elif above:
         worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)
         floors = f"{number(worst.rms_after / worst.noise_floor, 2)} times its noise floor"
         where = joints_words([worst.joint])
         parts.append(f"on {where} {floors} is left, without structure that another effect could explain")
     elif not parts:
-        parts.append(_stray_phrase(diagnosis) or _implausible_size_phrase(diagnosis) or unexplained_phrase(left))
+        parts.append(_stray_phrase(diagnosis) or _implausible_size_phrase(diagnosis) or unexplained_phrase(unexplained))
     return "; ".join(parts)
 
 

@@ -62,9 +62,9 @@ def coarse_rounding(
         # The judged band ends where rounding conceals the motion, but rounding may matter above it, too.
         all_frequencies = mean_square(one.usual_low_pass) / np.maximum(mean_square(noise), 1e-300)
         results.append((one, rounding_matters(float(np.max([in_band, all_frequencies])))))
-    kept = tuple(one for one, result in results if result.passed)
-    energy = [mean_square(problem.session.in_judged_band(one.torque)) for one in kept]
-    return CoarseRounding(kept, np.array(energy).reshape(len(kept), len(floor)), tuple(results))
+    significant = tuple(one for one, result in results if result.passed)
+    energy = [mean_square(problem.session.in_judged_band(one.torque)) for one in significant]
+    return CoarseRounding(significant, np.array(energy).reshape(len(significant), len(floor)), tuple(results))
 
 
 def coarse_findings(

@@ -135,17 +135,17 @@ def floor_by_predictors(
     sensors, source = reading_noise(session), []
     aliased = _aliased_torque(problem, sensors)
     # Step 1: white noise above the band.
-    for j, seen in enumerate(sensors):
-        if seen is None:
+    for j, white in enumerate(sensors):
+        if white is None:
             source.append(PREDICTORS)
             continue
         least, most = (
-            np.sqrt(density * session.cutoff_hz + encoder_noise[j] ** 2) for density in (seen.low, seen.high)
+            np.sqrt(density * session.cutoff_hz + encoder_noise[j] ** 2) for density in (white.low, white.high)
         )
         plausible = np.hypot(np.hypot(most, aliased[j]), np.sqrt(fair_part.ACCURACY) * torque[j])
         if min(low[j], unexplained[j]) > rules.SENSOR_TIMES * plausible:
             # Sensor noise is not several times larger in the band than above it, so the rest is a gap.
-            value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
+            value[j] = np.sqrt(white.value * session.cutoff_hz + encoder_noise[j] ** 2)
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
@@ -158,13 +158,13 @@ def floor_by_predictors(
     standstill = zip(problem.columns.usable, problem.columns.standstill_std, strict=True)
     free = tuple(use & (std == 0.0) for use, std in standstill)
     counts = tuple(sample_weights(problem, k) for k in range(len(residual)))
-    for j, seen in enumerate(repetition_noise(session, residual, free, counts)):
-        if seen is None:
+    for j, repetition in enumerate(repetition_noise(session, residual, free, counts)):
+        if repetition is None:
             continue
-        reach = float(np.exp(ndtri(1.0 - outside / 200.0) * seen.error))
-        least, most = seen.value / reach, seen.value * reach
+        reach = float(np.exp(ndtri(1.0 - outside / 200.0) * repetition.error))
+        least, most = repetition.value / reach, repetition.value * reach
         if min(low[j], unexplained[j]) > np.hypot(most, np.sqrt(fair_part.ACCURACY) * torque[j]):
-            value[j], low[j], high[j] = seen.value, least, most
+            value[j], low[j], high[j] = repetition.value, least, most
         if least <= high[j]:
             # If not, the repetitions differ by more than the upper limit: something drifts between them, which is
             # predictable. Then they do not show the noise.

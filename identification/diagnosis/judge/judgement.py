@@ -80,8 +80,8 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     # Without the finding of a coarse encoder the model is the same: rounding changes only the readings.
     claims = [*findings_of(shown, judged, within), *(FindingWithout(finding, torque) for finding in coarse)]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
-    kept = [claim for claim in claims if not claim.minor]
-    findings = tuple(claim.finding for claim in kept)
+    major = [claim for claim in claims if not claim.minor]
+    findings = tuple(claim.finding for claim in major)
     minor = tuple(claim.finding for claim in claims if claim.minor)
     after = _without_rounding(residual_sums(problem, residual), rounding.total)
     bursts = _distinct_events(problem, result)
@@ -107,7 +107,7 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         bounds=bounds,
         not_testable=tuple(entry for entry in untested if (entry.effect, entry.joint) not in named),
         notes=notes,
-        evidence=evidence_of(judged, given, torque, tuple(claim.without for claim in kept)),
+        evidence=evidence_of(judged, given, torque, tuple(claim.without for claim in major)),
         gap=closed_together(judged, within, after),
         minor=minor,
         numbers=() if as_given else fitted_numbers(shown),

@@ -209,8 +209,8 @@ class FileCheck:
 
     def _moves_rotors(self, kind: Format) -> bool:
         """True if rotor inertias were changed within tolerance and the format cannot state them."""
-        moved = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
-        return kind is URDF_FORMAT and moved
+        changed = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
+        return kind is URDF_FORMAT and changed
 
     def _claimed(self, kind: Format, lacks: bool) -> Float[Array, " nv"]:
         """Residual of each joint that the diagnosis claims for the findings in a file [N m or N]."""
@@ -300,7 +300,7 @@ def passed_files(
     """
     if check is None:
         return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in GOES_WITH), ()
-    kept, records, refused = dict(texts), [], []
+    passed, records, refused = dict(texts), [], []
     for name in (YAML, URDF, MJCF, RANDOMISATION, FEEDFORWARD, ISAAC, RESIDUAL):
         if name not in texts:
             continue
@@ -313,12 +313,12 @@ def passed_files(
             record = replace(record, rms_left={}, rms_given={})
         records.append(record)
         if record.refused:
-            del kept[name]
+            del passed[name]
             refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
         else:
-            kept[name] = with_header(texts[name], record, check.diagnosis, check.measured.fitted)
+            passed[name] = with_header(texts[name], record, check.diagnosis, check.measured.fitted)
     for name, other in GOES_WITH.items():
-        if name in kept and other not in kept:
-            del kept[name]
+        if name in passed and other not in passed:
+            del passed[name]
             refused.append(Note(Code.NOT_ALONE, None, {"files": (name,), "other": other}))
-    return kept, tuple(records), tuple(refused)
+    return passed, tuple(records), tuple(refused)

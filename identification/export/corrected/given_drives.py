@@ -147,7 +147,7 @@ def _as_general(given: GivenMjcf, actuator: Element) -> None:
     """Change a ``motor`` to an equivalent ``general`` element that states its attributes and inherits no defaults."""
     if actuator.tag != "motor":
         return
-    kept = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}
+    stated = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}
     actuator.tag = "general"
-    for key, word in ({"gaintype": "fixed", "gainprm": "1", "biastype": "none", "dyntype": "none"} | kept).items():
+    for key, word in ({"gaintype": "fixed", "gainprm": "1", "biastype": "none", "dyntype": "none"} | stated).items():
         actuator.set(key, word)

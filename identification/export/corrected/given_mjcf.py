@@ -167,8 +167,8 @@ def _in_axes_of_link(robot: Robot, body: int, inertia: LinkInertia) -> LinkInert
     """An inertia, transformed from the frame of a joint to that of its body, which may have another origin."""
     name = body_name(robot, body)
     frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
-    moved = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
-    return LinkInertia(float(moved.mass), np.array(moved.lever), np.array(moved.inertia))
+    in_body_axes = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
+    return LinkInertia(float(in_body_axes.mass), np.array(in_body_axes.lever), np.array(in_body_axes.inertia))
 
 
 def _set_joints(given: GivenMjcf, corrected: CorrectedModel) -> None:

@@ -140,7 +140,7 @@ def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
     _, sizes, rows = np.linalg.svd(
         rigid_body_regressor(robot, few_samples).reshape(-1, len(stated)) * scale, full_matrices=False
     )
-    seen = rows[: len(sizes)][sizes > _LEAST_TORQUE_SHARE * sizes[0]] / scale
+    observed_rows = rows[: len(sizes)][sizes > _LEAST_TORQUE_SHARE * sizes[0]] / scale
     none = np.zeros(0)
-    found = solve_program(Program(seen, seen @ wanted, bodies, none, none, exact=True))
+    found = solve_program(Program(observed_rows, observed_rows @ wanted, bodies, none, none, exact=True))
     return with_parameters(robot, found.pi - wanted)

@@ -147,8 +147,8 @@ def _config_for(text: str, config: Path | None) -> Iterator[Path | None]:
     if is_ros2_control(content) or (in_urdf.issuperset(lock) and in_urdf.issuperset(joints)):
         yield config
         return
-    kept = {name: keys for name, keys in joints.items() if name in in_urdf}
-    reduced = {**content, "lock": [name for name in lock if name in in_urdf], "joints": kept}
+    joints_in_urdf = {name: keys for name, keys in joints.items() if name in in_urdf}
+    reduced = {**content, "lock": [name for name in lock if name in in_urdf], "joints": joints_in_urdf}
     with unnamed_file(settings_text(reduced).encode(), suffix=".yaml") as path:
         yield path
 

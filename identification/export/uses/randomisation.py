@@ -56,8 +56,8 @@ class Randomisation:
 
     def with_values(self, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
         """The found effects with other parameters, in the order of `values`."""
-        rest = iter(values.tolist())
-        return tuple(KnownEffect(one.effect, one.joint, tuple(islice(rest, len(one.theta)))) for one in self.found)
+        remaining = iter(values.tolist())
+        return tuple(KnownEffect(one.effect, one.joint, tuple(islice(remaining, len(one.theta)))) for one in self.found)
 
     @property
     def std(self) -> Float[Array, " p"]:

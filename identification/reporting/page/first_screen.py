@@ -61,9 +61,9 @@ def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
     """Bars of at most eight joints, in the robot's order, and the number of joints that are left out."""
     gaps = diagnosis.joints
     sizes = np.array([_over_floor(gap, gap.without_findings) for gap in gaps])
-    kept = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
+    shown_rows = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
     largest = max([1.0, *(_over_floor(gap, size) for gap in gaps for size in (gap.without_findings, gap.rms_after))])
-    return [_bar(gaps[k], largest) for k in kept], len(gaps) - len(kept)
+    return [_bar(gaps[k], largest) for k in shown_rows], len(gaps) - len(shown_rows)
 
 
 def _over_floor(gap: JointGap, size: float) -> float:

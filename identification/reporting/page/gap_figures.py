@@ -287,8 +287,8 @@ def _numbers(
 ) -> dict[str, Any]:
     """Numbers of an entry: kept samples of a measured curve and of two errors, and the section shown at first."""
     view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
-    kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
-    return {"view": view, "t": packed(t[rows], "<f4"), "starts": _curve_starts(t, rows, curves[0]), **kept}
+    scaled_curves = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
+    return {"view": view, "t": packed(t[rows], "<f4"), "starts": _curve_starts(t, rows, curves[0]), **scaled_curves}
 
 
 def _kept_rows(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:

@@ -66,8 +66,8 @@ def gap_row(joint: JointGap, samples: int) -> Row:
         # The interval must not break across lines, also not at the minus sign of a number such as 8.6e-05.
         interval = f"({low} to {high})".replace(" ", NO_BREAK).replace("-", "\N{NON-BREAKING HYPHEN}")
         floor = f"{floor} {interval}"
-    held = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
-    return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, held)
+    held_out = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
+    return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, held_out)
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:

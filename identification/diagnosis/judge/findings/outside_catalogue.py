@@ -45,10 +45,10 @@ def weighed_with_structures(
     known = _share_of_known_causes(search, chosen, term, comparison, other_conditions)
     if known > 1.0 - contract_levels.LISTED:
         return comparison
-    kept = [rival for rival in comparison.rivals if known * rival.probability >= contract_levels.LISTED]
+    listed_rivals = [rival for rival in comparison.rivals if known * rival.probability >= contract_levels.LISTED]
     # Rivals that are no longer listed leave their probability to the finding and the other rivals.
-    factor = known / (comparison.probability + sum(rival.probability for rival in kept))
-    rivals = tuple(Rival(rival.effects, factor * rival.probability) for rival in kept)
+    factor = known / (comparison.probability + sum(rival.probability for rival in listed_rivals))
+    rivals = tuple(Rival(rival.effects, factor * rival.probability) for rival in listed_rivals)
     return replace(comparison, probability=factor * comparison.probability, rivals=rivals)
 
 
