@@ -51,10 +51,8 @@ def _findings_table(found: Comparison) -> str:
     for row in found.findings:
         name = capital(placed_effect(row.at))
         for size in row.sizes:
-            cells = [
-                value_with_interval(value) or statement
-                for value, statement in zip(size.values, row.missing, strict=True)
-            ]
+            pairs = zip(size.values, row.missing, strict=True)
+            cells = [value_with_interval(value) or statement for value, statement in pairs]
             verdict = _CHANGED[any(row.missing) or size.changed]
             rows.append((f"{name}, {parameter_name(size.parameter)}", *map(_plain, cells), verdict))
         if not row.sizes:

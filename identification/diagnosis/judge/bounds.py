@@ -244,7 +244,7 @@ def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
 def _information(
     problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
 ) -> tuple[float, Float[Array, " n"]]:
-    """Fisher information on the size of an effect, and what the columns ``base`` compensate of the effect at size one.
+    """Fisher information on the size of an effect, and the coefficients of other columns that compensate it best.
 
     Args:
         problem: Products of columns.
@@ -254,7 +254,7 @@ def _information(
         inverse: Covariance of their coefficients.
 
     Returns:
-        The information, and the coefficients of the columns ``base``.
+        The information, and the coefficients of the columns ``base`` at size one.
     """
     a = problem.total_a
     own = list(term.columns)

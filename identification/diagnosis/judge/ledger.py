@@ -37,6 +37,7 @@ _MOST_FINDINGS = 12
 _MOST_MEASURED = 40
 # Order of the first gate of the judge; gates with a lower order belong to the search.
 _FIRST_OF_JUDGE = ORDER[gate_name(torque_is_there)]
+_Replacements = dict[EffectJoint, tuple[EffectJoint, ...]]
 _RANK: dict[Outcome, int] = {"claimed": 0, "minor": 1, "displaced": 2, "not_claimed": 2}
 
 
@@ -70,7 +71,7 @@ def ledger_of(
         judged: Problem and noise floor of the judged band.
         minor: Effects and joints of findings that are too small to matter.
     """
-    # Here a cause is an effect and its joint: shapes of an effect share one entry.
+    # A cause is an effect and its joint: shapes of an effect share one entry.
     record, named = search.record, {term.effect_joint for term in shown.named}
     best = _best_gains(search, shown.all_found)
     ranked = sorted(best, key=lambda cause: -max(best[cause].added_gain, best[cause].swap_gain))
@@ -112,7 +113,7 @@ def _best_gains(search: Search, found: frozenset[Term]) -> dict[EffectJoint, _Be
     in_set = {term.effect_joint for term in found}
     named = tuple(term for term in search.terms if term.named and term.effect_joint not in in_set)
     out: dict[EffectJoint, _BestGains] = {}
-    # First each effect is added to the whole set (other is None), then it replaces one effect of the set after another.
+    # Each effect is first added to the set (other is None), and then replaces one effect of the set after another.
     for other in (None, *ordered(found)[:_MOST_FINDINGS]):
         remaining = found - {other}
         rivals = tuple(term for term in named if search.can_join(remaining, term))
@@ -158,15 +159,12 @@ def _results_if_added(
 
 
 def _figures(
-    shown: ShownEffects,
-    judged: JudgedBand,
-    terms: dict[EffectJoint, Term],
-    replacements: dict[EffectJoint, tuple[EffectJoint, ...]],
+    shown: ShownEffects, judged: JudgedBand, terms: dict[EffectJoint, Term], replacements: _Replacements
 ) -> dict[EffectJoint, dict[str, float]]:
-    """Further figures of each effect: ``closes`` and ``floors_more``.
+    """Two figures of each effect: ``closes``, the share of the gap that it closes alone, and ``floors_more``.
 
-    ``closes`` is the share of the gap that the effect closes alone. ``floors_more`` is the largest growth of a joint's
-    residual, in noise floors, if the effect replaces the findings that displace it.
+    ``floors_more`` is the largest growth of a joint's residual, in noise floors, if the effect replaces the findings
+    that displace it.
     """
     measured = dict(list(terms.items())[:_MOST_MEASURED])
     residual_with = _subset_residuals(shown, frozenset(measured.values()))

@@ -20,8 +20,7 @@ from identification.engine.shapley import shapley_values
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.random_streams import random_stream
 
-# The gap counts as at least this share of the loss: in a bootstrap replicate with next to no gap, dividing by the gap
-# would give a meaningless share.
+# The gap counts as at least this share of the loss: a share of next to no gap, as in some replicates, has no meaning.
 _LEAST_GAP = 1e-3
 
 
@@ -45,9 +44,9 @@ def gap_of(
 ) -> Float[Array, " R"]:
     """The gap of which shares are stated, one for each row of weights.
 
-    A loss is the mean squared residual of all joints in units of their noise floors, so that noise alone has the loss
-    one. The gap is the loss of the model adjusted within its tolerances minus one. If that loss may be noise, although
-    one joint is above its noise, the gap is the decrease of the loss by the findings.
+    A loss is the mean squared residual of all joints in units of their noise floors; that of noise alone is one. The
+    gap is the loss of the model adjusted within its tolerances minus one. If that loss may be noise, although one joint
+    is above its noise, the gap is the decrease of the loss by the findings.
 
     Args:
         judged: Gives the noise floors.

@@ -107,12 +107,7 @@ def locked_links(robot: Robot, root: Element) -> frozenset[str]:
 
 
 def own_inertia(
-    robot: Robot,
-    body: int,
-    fixed: dict[str, Float[Array, " 10"]],
-    keeping: frozenset[str],
-    *,
-    broken: bool = False,
+    robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], keeping: frozenset[str], *, broken: bool = False
 ) -> tuple[LinkInertia, frozenset[str]]:
     """Inertia of the link on a joint: the inertia of the whole body minus that of the links fixed to this link.
 

@@ -36,7 +36,7 @@ def gain_in_highest_noise(context: GateContext, shown: frozenset[Term], term: Te
 
 
 def _has_gap(context: GateContext, terms: frozenset[Term], *, in_highest_noise: bool = False) -> Bool[Array, " nv"]:
-    """True for joints with a gap after a set of effects, in the estimated noise or in the highest possible noise."""
+    """True for joints with a gap if some effects are in the model, in the estimated or the highest possible noise."""
     judged = context.residuals.judged_band_of(terms)
     noise = judged.highest if in_highest_noise else judged.floor
     return residual_sums_with(context.plain, terms).rms() > contract_levels.FLOORS_LEFT * noise

@@ -57,7 +57,7 @@ def payload_term(search: Search) -> Term | None:
 
 
 def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) -> dict[Term, float]:
-    """Share of the squared torque of each term of inertial parameters that the absence of a part of the model explains.
+    """For each finding of inertial parameters, the share of its squared torque that the absence of a part explains.
 
     Ten free parameters of a link explain a little more than a known part does, as links are never exactly as modelled.
     But a part that is not mounted is the more probable cause.
@@ -68,7 +68,7 @@ def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) ->
         fitted: Fit of all their parameters.
 
     Returns:
-        The share for each finding of free inertial parameters; empty if no payload is among the rivals.
+        The shares; empty if no payload is among the rivals.
     """
     if payload_term(plain) is None:
         return {}

@@ -127,7 +127,7 @@ def sum_notes(robot: Robot, term: Term) -> tuple[Note, ...]:
 
 
 def _base_of_bodies(robot: Robot, term: Term) -> tuple[BaseParameters, tuple[Parameter, ...]]:
-    """Base parameters of bodies with free inertial parameters, from the regressor at random motions; all parameters."""
+    """Base parameters of bodies with free inertial parameters, by a regressor at random motions; all parameters."""
     effect = term.effect
     assert isinstance(effect, Effect)
     parameters = effect.parameters(robot, term.joint)
