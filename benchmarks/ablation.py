@@ -55,7 +55,7 @@ PACKAGES = ("identification", "phantom_dyn")
 # NumPy and deques accept only integers for these counts
 UNFOLLOWED = {
     "identification.diagnosis.fit.full_fit:_MODEL_DRAWS",
-    "identification.diagnosis.judge.moved_by_noise:_SEGMENT",
+    "identification.diagnosis.judge.strong_motion:_SEGMENT",
     "identification.diagnosis.noise.sensor_noise:_SEGMENTS",
     "identification.diagnosis.search.fits:_RECENT",
 }

@@ -20,7 +20,7 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
-from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+from identification.scenarios.motion_only import commanded_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Actuator, Controller, Robot
@@ -105,7 +105,7 @@ def diagnosed(one: Case, gains: str) -> Diagnosis:
     if gains == "identified":
         silent = replace(one.robot, actuators=(Actuator(),))
         return diagnose(silent, (one.recording,), motion_only=True)
-    robot = motion_robot(replace(one.robot, actuators=(Actuator(controller=controller),)))
+    robot = commanded_robot(replace(one.robot, actuators=(Actuator(controller=controller),)))
     return diagnose(robot, (with_commanded_torque(one.recording, robot),))
 
 

@@ -120,7 +120,7 @@ class Note:
         return replace(self, numbers={**self.numbers, **numbers})
 
 
-Said = Note | str
+Remark = Note | str
 """A note, or a finished sentence from a reader, a check of a file or an effect."""
 
 INCOMPLETE_FILES = frozenset(

@@ -22,20 +22,20 @@ from identification.diagnosis.judge.file_numbers import replay_of
 from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.result import Diagnosis, Judgement
 from identification.next_experiment.advise import Proposal
-from identification.notes import Code, Note, Said
+from identification.notes import Code, Note, Remark
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of, unknown_if_motion_deviates
 from identification.rollout.simulated_motion import with_simulated_motion
 from identification.scenarios import other_bands
 from identification.scenarios.common_model import has_unknown_load, with_common_model
+from identification.scenarios.gain_ambiguities import without_gain_ambiguities
 from identification.scenarios.gain_or_load import preferred_diagnosis, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import with_catalogue_names
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
-from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.protected_drives import protection_notes
 from identification.scenarios.torque_or_motion import Reader, driven_by_controllers, torque_or_motion
-from identification.scenarios.unlike_recordings import doubted_if_unlike
+from identification.scenarios.unlike_recordings import with_unlike_recordings
 from identification.stages import Announcement, Progress, Stage
 from identification.words.user_words import with_user_words
 from phantom_dyn import __version__
@@ -211,13 +211,13 @@ def _by_torque(given: Prepared, progress: Progress) -> DiagnosisWithoutPlan:
     for factor in other_bands.FACTORS:
         try:
             other = _session(given, progress, factor)
-            if not other_bands.differ(session.cutoff_hz, other.cutoff_hz):
+            if not other_bands.are_distinct_bands(session.cutoff_hz, other.cutoff_hz):
                 continue
             second = _of_session(given, other, progress)
         except LogError:  # the filter of a narrow band may leave too few samples
             continue
         if other_bands.shows_gap(second.diagnosis):
-            return replace(second, diagnosis=other_bands.in_other_band(second.diagnosis, found.diagnosis))
+            return replace(second, diagnosis=other_bands.with_band_note(second.diagnosis, found.diagnosis))
     return found
 
 
@@ -253,7 +253,7 @@ def _of_session(given: Prepared, session: Session, progress: Progress) -> Diagno
     tried = {"fits": explanation.fits, "floating": robot.floating}
     endless = (Note(Code.SEARCH_WITHOUT_END, numbers=tried),) if explanation.endless else ()
     drives = (*arrival_notes(session.robot, session.recordings), *protection_notes(session))
-    judgement = doubted_if_unlike(shown.problem, judgement)
+    judgement = with_unlike_recordings(shown.problem, judgement)
     judgement = replace(judgement, notes=(*given.notes, *soft, *brakes, *endless, *drives, *judgement.notes))
     found = _result(session, given.files, judgement, rollout, time.perf_counter() - given.started)
     found = replace(found, replay=replay_of(shown.problem, changes))
@@ -285,10 +285,10 @@ def _result(
             *fault_warnings(session.recordings),
             *session.robot.warnings,
             *(
-                said
+                remark
                 for recording in session.recordings
-                for said in recording.said
-                if not _is_explained(said, judgement)
+                for remark in recording.remarks
+                if not _is_explained(remark, judgement)
             ),
             *rollout.warnings,
             *judgement.warnings,
@@ -309,9 +309,9 @@ def _result(
     )
 
 
-def _is_explained(said: Said, judgement: Judgement) -> bool:
+def _is_explained(remark: Remark, judgement: Judgement) -> bool:
     """True for a warning that the torque of a joint is too early, if a slow drive found on that joint explains it."""
-    if not isinstance(said, LagSentence) or not said.early:
+    if not isinstance(remark, LagSentence) or not remark.early:
         return False
     slow = (one for one in judgement.findings if any(number.unit == "s" for number in one.parameters.values()))
-    return any(one.joint in (None, said.joint) for one in slow)
+    return any(one.joint in (None, remark.joint) for one in slow)

@@ -33,7 +33,7 @@ NAMES = {
     "identification/scenarios/at_rest/diagnose_at_rest.py": {"backlash"},
     # Positions alone show the product of the first and a controller's gain, and of the second no more than its sum with
     # a gain that is estimated, so that scenario makes no claim on them. The third is the zero of a reference as well.
-    "identification/scenarios/motion_limits.py": {"torque_constant", "viscous_friction", "torque_offset"},
+    "identification/scenarios/gain_ambiguities.py": {"torque_constant", "viscous_friction", "torque_offset"},
     # A controller's damping gain gives back viscous friction, and no other effect.
     "identification/scenarios/gain_or_load.py": {"viscous_friction"},
 }

@@ -25,7 +25,7 @@ from benchmarks.laws.cases import RATE, Case, make
 from identification.data.reading import read_recording
 from identification.diagnosis.columns.session import session_of
 from identification.diagnosis.explanation import explanation_of
-from identification.diagnosis.judge.findings.findings import Shown
+from identification.diagnosis.judge.findings.findings import ShownEffects
 from identification.diagnosis.judge.judgement import judgement_of
 from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.law.formula_search import columns_of, losses_without_law, with_nuisances_at_bounds
@@ -83,7 +83,7 @@ class Answer:
 
 
 @one_blas_thread()
-def diagnosed(case: Case) -> tuple[Judgement, Shown, float]:
+def diagnosed(case: Case) -> tuple[Judgement, ShownEffects, float]:
     """Judgement with its law, the fits on which it is based, and the time for the law."""
     robot = load_robot(case.folder / "robot.urdf")
     recording = read_recording(case.folder / "log.csv", robot)
@@ -121,7 +121,7 @@ def _names(case: Case, named: frozenset[str]) -> bool:
     return all(named & group for group in case.law.required) and named <= case.law.allowed
 
 
-def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
+def _oracle(case: Case, shown: ShownEffects, judgement: Judgement) -> float:
     """Share of the residual that the true law predicts on held-out blocks, with amplitudes from the others."""
     assert case.law is not None
     residual = joint_residual(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from identification.api.diagnosis import Diagnosis
-from identification.api.inputs import RecordingsLike, described, expanded, listed, recordings_of
+from identification.api.inputs import RecordingsLike, as_tuple, described, expanded, recordings_of
 from identification.data.recording import Recording
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.pipeline import diagnose
@@ -41,13 +41,16 @@ def diagnosis_of_recordings(
         LogError: If a recording cannot be used.
     """
     # A dataset contains several recordings: it is expanded before the held-out recordings are counted.
-    held = expanded(hold_out)
+    held_out = expanded(hold_out)
 
     def read(torque_needed: bool) -> tuple[Recording, ...]:
         fitted = recordings_of(recordings, robot, columns=columns, torque_needed=torque_needed)
-        return (*fitted, *(recordings_of(held, robot, columns=columns, torque_needed=torque_needed) if held else ()))
+        return (
+            *fitted,
+            *(recordings_of(held_out, robot, columns=columns, torque_needed=torque_needed) if held_out else ()),
+        )
 
-    found = diagnose(robot, read, held_out=len(held), known=known, motion_only=motion_only, progress=progress)
+    found = diagnose(robot, read, held_out=len(held_out), known=known, motion_only=motion_only, progress=progress)
     return Diagnosis(found, found.driven or robot, known)
 
 
@@ -75,11 +78,11 @@ def diagnosis_of_changes(
         UsageError: If a recording is not given as a path.
         LogError: If a recording cannot be used.
     """
-    held = paths_of(hold_out, "hold_out")
-    paths = (*paths_of(recordings, "recordings"), *held)
+    held_out = paths_of(hold_out, "hold_out")
+    paths = (*paths_of(recordings, "recordings"), *held_out)
     stated = read_changes(changes, paths, robot.joint_names)
     read = tuple(read_changed(path, robot, change, columns=columns) for path, change in zip(paths, stated, strict=True))
-    found = diagnose(robot, read, held_out=len(held), known=known, changes=stated, progress=progress)
+    found = diagnose(robot, read, held_out=len(held_out), known=known, changes=stated, progress=progress)
     return Diagnosis(found, robot, known)
 
 
@@ -94,7 +97,7 @@ def paths_of(given: object, name: str) -> tuple[str | Path, ...]:
         UsageError: If an element is not a path.
     """
     out = []
-    for one in listed(given):
+    for one in as_tuple(given):
         if not isinstance(one, str | Path):
             raise UsageError(f"{described(one)} was given in {name}, wanted the path of a file.")
         out.append(one)

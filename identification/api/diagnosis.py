@@ -14,9 +14,9 @@ from identification.diagnosis.columns.terms import KnownEffect
 from identification.geometry.result import GeometryResult
 from identification.reporting.diagnosis_summary import summary
 from identification.reporting.stored.diagnosis_reader import read_diagnosis
-from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
+from identification.words.diagnosis_words import capital, certainty_words, finding_share, joined, placed_finding
 from identification.words.geometry_words import all_findings
-from identification.words.ledger_words import listed, why
+from identification.words.ledger_words import claims_text, why
 from identification.words.note_words import sentences
 from identification.words.numbers_and_names import number, percent_short_of_all, value_words
 from phantom_dyn.arguments import FOLDER, NAMES, TEXT, or_none, path_of, takes
@@ -102,7 +102,7 @@ class Diagnosis:
         return summary(self.result)
 
     def __repr__(self) -> str:
-        names = [effect_at_finding(finding) for finding in all_findings(self.result)]
+        names = [placed_finding(finding) for finding in all_findings(self.result)]
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         findings = joined(names[:3], last=", " if more else " and ") + more
         closed = "" if self.gap.closed is None else f", {percent_short_of_all(self.gap.closed)} of the gap closed"
@@ -117,10 +117,10 @@ class Diagnosis:
         if self.findings:
             rows = [
                 (
-                    capital(effect_at_finding(finding)),
+                    capital(placed_finding(finding)),
                     ", ".join(f"{name}: {value_words(value)}" for name, value in finding.parameters.items()),
-                    share_of_gap(finding),
-                    sureness(finding.probability),
+                    finding_share(finding),
+                    certainty_words(finding.probability),
                 )
                 for finding in self.result.findings
             ]
@@ -229,7 +229,7 @@ class Diagnosis:
         Raises:
             UsageError: If the diagnosis did not consider this effect, or not on this joint.
         """
-        return listed(why(self.result, effect, joint))
+        return claims_text(why(self.result, effect, joint))
 
     @takes(folder=FOLDER)
     def save(self, folder: str | Path) -> tuple[Path, ...]:

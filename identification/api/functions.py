@@ -14,8 +14,8 @@ from identification.api.inputs import (
     COLUMNS,
     RecordingsLike,
     RobotLike,
+    as_tuple,
     described,
-    listed,
     recordings_of,
     robot_of,
 )
@@ -210,7 +210,7 @@ def identify(
     found = identified(
         loaded,
         recordings_of(recordings, loaded, columns=columns),
-        hold_out=recordings_of(hold_out, loaded, columns=columns) if listed(hold_out) else (),
+        hold_out=recordings_of(hold_out, loaded, columns=columns) if as_tuple(hold_out) else (),
         estimator=estimator,
         terms=terms,
         config=loaded.config,
@@ -343,7 +343,7 @@ def simulate(
         ParameterError: If an effect or gain is impossible, or the motion diverges.
         EffectError: If an effect of your own cannot be used.
     """
-    named = effects if isinstance(effects, str | Path | Diagnosis) else listed(effects)
+    named = effects if isinstance(effects, str | Path | Diagnosis) else as_tuple(effects)
     loaded = robot_of(robot, reference if isinstance(reference, str | Path) else ())
     loaded = with_named_effects(with_user_effects(loaded, own_effects), named)
     motion = reference_of(loaded, reference)

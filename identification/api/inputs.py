@@ -44,7 +44,7 @@ def robot_of(given: RobotLike, recordings: object = ()) -> Robot:
     if isinstance(given, Robot):
         return given
     if isinstance(given, str | Path):
-        logs = [one for one in listed(recordings) if isinstance(one, str | Path)]
+        logs = [one for one in as_tuple(recordings) if isinstance(one, str | Path)]
         require_not_swapped(given, logs)
         return load_robot(given)
     if isinstance(given, Recording):
@@ -76,13 +76,13 @@ def recordings_of(
 def expanded(given: object) -> tuple[Any, ...]:
     """The given recordings as a tuple, with folders of LeRobot datasets replaced by their episodes."""
     out: list[object] = []
-    for one in listed(given):
+    for one in as_tuple(given):
         is_dataset = isinstance(one, str | Path) and is_lerobot(Path(one))
         out += with_episodes([str(one)], None) if is_dataset else [one]
     return tuple(out)
 
 
-def listed(given: object) -> tuple[object, ...]:
+def as_tuple(given: object) -> tuple[object, ...]:
     """The elements of a given list or tuple; any other object, such as a text, as a tuple with one element."""
     parts = parts_of(given)
     return (given,) if parts is None else parts

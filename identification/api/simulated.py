@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 
 from identification.api.diagnosis import Diagnosis
-from identification.api.inputs import described, listed
+from identification.api.inputs import as_tuple, described
 from identification.api.results import Reference
 from identification.data.readers.read_table import read_raw
 from identification.degrade.degraded_log import degradation
@@ -86,7 +86,7 @@ def with_named_effects(robot: Robot, given: object) -> Robot:
     if isinstance(given, Diagnosis):
         given_effects = () if given.robot is None else cast("tuple[Effect, ...]", given.robot.user_effects)
     else:
-        firsts = [one[0] for one in listed(given) if isinstance(one, tuple | list) and one]
+        firsts = [one[0] for one in as_tuple(given) if isinstance(one, tuple | list) and one]
         given_effects = tuple(one for one in firsts if isinstance(one, Effect | type))
     known = {effect.name for effect in robot.user_effects}
     new = {getattr(one, "name", ""): one for one in given_effects if getattr(one, "name", "") not in known}
@@ -108,7 +108,7 @@ def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
         return tuple(_cause(robot, effect_of(robot, finding)) for finding in findings_in_all_recordings(given.result))
     if isinstance(given, str | Path):
         return tuple(_cause(robot, known) for known in known_effects((Path(given),), robot))
-    return tuple(_cause_of_tuple(robot, one) for one in listed(given))
+    return tuple(_cause_of_tuple(robot, one) for one in as_tuple(given))
 
 
 def tracking(robot: Robot, motion: Motion, kp: object, kd: object) -> Tracking:

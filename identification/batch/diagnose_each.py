@@ -22,7 +22,7 @@ from identification.files import disk_full_words, is_disk_full, require_existing
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import INDEX, Json, check_targets, to_json, write_outputs
 from identification.stages import Announcement, Progress, Stage
-from identification.words.diagnosis_words import effect_at_finding
+from identification.words.diagnosis_words import placed_finding
 from identification.words.geometry_words import all_findings, verdict_sentences
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread
@@ -286,7 +286,7 @@ def _diagnosed(
             return replace(row, refusal=f"{log.name}: {disk_full_words(fault)}.")
         reason = " ".join(str(fault).split())[:160]
         return replace(row, refusal=_FAULT.format(log.name, type(fault).__name__, reason))
-    causes = tuple(effect_at_finding(finding) for finding in all_findings(diagnosis))
+    causes = tuple(placed_finding(finding) for finding in all_findings(diagnosis))
     return replace(
         row,
         verdict=diagnosis.verdict,

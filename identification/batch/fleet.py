@@ -29,7 +29,7 @@ from scipy.special import ndtri, stdtr
 
 from identification.batch.diagnose_each import DiagnosedRecordings
 from identification.diagnosis.result import EffectAt
-from identification.words.diagnosis_words import capital, effect_at, parameter_name
+from identification.words.diagnosis_words import capital, parameter_name, placed_effect
 from phantom_dyn.array_types import Array, Float
 
 LEVEL = 0.05
@@ -177,7 +177,7 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
                 continue
             values, deviations = np.array([sizes[row.log].get(key, (0.0, typical_std)) for row in known_rows]).T
             logs = tuple(Path(row.log).name for row in known_rows)
-            finding, parameter = capital(effect_at(EffectAt(key.effect, key.joint))), parameter_name(key.parameter)
+            finding, parameter = capital(placed_effect(EffectAt(key.effect, key.joint))), parameter_name(key.parameter)
             out.append(Series(names[folder], finding, parameter, key.unit, logs, values, deviations))
     return tuple(out)
 

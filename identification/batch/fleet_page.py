@@ -11,7 +11,7 @@ from identification.batch.diagnose_each import DiagnosedRecordings
 from identification.batch.fleet import ORDERS, Change, OutOfLine, Series, changes, out_of_line, series_of, short_names
 from identification.reporting.charts.chart import Panel, chart, short_name
 from identification.reporting.charts.chart_marks import Curve
-from identification.reporting.plain_page import figure, listed, page, table
+from identification.reporting.plain_page import figure, html_list, page, table
 from identification.words.diagnosis_words import joined
 from identification.words.numbers_and_names import number, with_unit
 from phantom_dyn.array_types import Array
@@ -40,7 +40,7 @@ def fleet_page(result: DiagnosedRecordings) -> str:
     count, robots = len(result.rows), len(set(_folders(result)))
     sentences = [*map(_outlier_words, outliers), *map(_change_words, changed)]
     parts = [
-        listed(sentences) if sentences else "<p>No robot is out of line with the others, and none changed.</p>",
+        html_list(sentences) if sentences else "<p>No robot is out of line with the others, and none changed.</p>",
         "<h2>Robots</h2>",
         _robots_table(result, outliers, changed),
     ]

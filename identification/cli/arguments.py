@@ -178,7 +178,7 @@ def excluded_stretches(arguments: argparse.Namespace) -> tuple[tuple[float, floa
     return tuple(_stretch(text) for text in arguments.exclude)
 
 
-def reading_as_asked(read: Callable[..., Recording], arguments: argparse.Namespace) -> Callable[..., Recording]:
+def with_reading_options(read: Callable[..., Recording], arguments: argparse.Namespace) -> Callable[..., Recording]:
     """The function ``read`` with the reading options from the arguments."""
     return partial(
         read,
@@ -214,8 +214,8 @@ def _stretch(text: str) -> tuple[float, float]:
 def one_blas_thread() -> None:
     """Limit linear algebra to one thread; must be called before NumPy is loaded.
 
-    The matrices are small, so several threads would only wait for each other. The number of threads also changes the
-    order of sums, so the last digits of results would differ between machines.
+    The matrices are small, so several threads would only wait for each other. Their number also changes the order of
+    sums, and so the last digits of results.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"

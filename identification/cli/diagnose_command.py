@@ -21,9 +21,9 @@ from identification.cli.arguments import (
     expand_episodes,
     given_files,
     one_blas_thread,
-    reading_as_asked,
     require_files,
     robot_with_effects,
+    with_reading_options,
 )
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import AFTER_DIAGNOSIS, BATCH, DIAGNOSIS, Progress
@@ -207,7 +207,7 @@ def _diagnose_together(arguments: argparse.Namespace) -> int:
             json_file=arguments.json,
             known=known,
             config=arguments.robot_config,
-            tell=remarks.append,
+            on_missing=remarks.append,
             completed=completed,
         )
         diagnosis = completed(diagnosis)
@@ -237,11 +237,11 @@ def _diagnosis_of_changes(
         changes = read_changes(arguments.recordings, paths, robot.joint_names)
     else:
         changes = changed_from_first(arguments.changed, paths)
-    read_as_asked = reading_as_asked(read_changed, arguments)
+    read_with_options = with_reading_options(read_changed, arguments)
 
     def read(path: str, change: Change) -> Recording:
         progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
-        return read_as_asked(path, robot, change)
+        return read_with_options(path, robot, change)
 
     recordings = tuple(read(path, change) for path, change in zip(paths, changes, strict=True))
     held_out = len(arguments.hold_out)
@@ -257,11 +257,11 @@ def _diagnosis_of_logs(
     from identification.data.reading import read_recording
     from identification.pipeline import diagnose_without_plan
 
-    read_as_asked = reading_as_asked(read_recording, arguments)
+    read_with_options = with_reading_options(read_recording, arguments)
 
     def read(path: str, torque_needed: bool) -> Recording:
         progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
-        return read_as_asked(path, robot, torque_needed=torque_needed)
+        return read_with_options(path, robot, torque_needed=torque_needed)
 
     def read_all(torque_needed: bool) -> tuple[Recording, ...]:
         return tuple(read(path, torque_needed) for path in (*arguments.logs, *arguments.hold_out))

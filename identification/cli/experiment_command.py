@@ -15,7 +15,7 @@ from identification.cli.arguments import (
     excluded_stretches,
     expand_episodes,
     one_blas_thread,
-    reading_as_asked,
+    with_reading_options,
 )
 from identification.cli.terminal.printed import say
 from identification.file_sets import renamed_together
@@ -77,21 +77,21 @@ def run(arguments: argparse.Namespace) -> int:
 
     robot = load_robot(arguments.robot, config=arguments.robot_config)
     # With a held arm the joint hardly moves, so the checks for a moving robot would refuse the recording.
-    held = arguments.test == "stiffness"
-    read = reading_as_asked(read_recording, arguments)
-    recordings = tuple(read(log, robot, anyway=arguments.anyway or held) for log in arguments.logs)
-    if not held:
+    arm_held = arguments.test == "stiffness"
+    read = with_reading_options(read_recording, arguments)
+    recordings = tuple(read(log, robot, anyway=arguments.anyway or arm_held) for log in arguments.logs)
+    if not arm_held:
         from identification.data.refusal import require_right
 
         require_right(recordings)
-    entries, figure = (_stiffness if held else _friction)(robot, recordings, arguments.joint)
+    entries, figure = (_stiffness if arm_held else _friction)(robot, recordings, arguments.joint)
     if arguments.out is not None:
         content = {"program": "phantom-dyn", "test": arguments.test, "robot": robot.name, "results": entries}
         text = json.dumps(content, indent=1) + "\n"
         written = [arguments.out / name for name in ("experiment.json", picture)]
-        with renamed_together(arguments.out) as beside:
-            beside(written[0]).write_text(text, encoding="utf-8")
-            figure.savefig(beside(written[1]))
+        with renamed_together(arguments.out) as temporary_path:
+            temporary_path(written[0]).write_text(text, encoding="utf-8")
+            figure.savefig(temporary_path(written[1]))
         for path in written:
             say(f"wrote {path}")
     return DONE

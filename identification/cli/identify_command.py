@@ -17,8 +17,8 @@ from identification.cli.arguments import (
     expand_episodes,
     given_files,
     one_blas_thread,
-    reading_as_asked,
     require_files,
+    with_reading_options,
 )
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import IDENTIFICATION, Progress
@@ -86,11 +86,11 @@ def run(arguments: argparse.Namespace) -> int:
         terms = JointTerms(friction, arguments.rotors)
         check_folder(arguments.out, given_files(arguments))
         robot = load_robot(arguments.robot, config=arguments.robot_config)
-        read_as_asked = reading_as_asked(read_recording, arguments)
+        read_with_options = with_reading_options(read_recording, arguments)
 
         def read(path: str) -> Recording:
             progress.show(Announcement(Stage.READING, detail={"file": Path(path).name}))
-            return read_as_asked(Path(path), robot)
+            return read_with_options(Path(path), robot)
 
         found = identify(
             robot,

@@ -19,8 +19,8 @@ from identification.cli.arguments import (
     excluded_stretches,
     expand_one_episode,
     one_blas_thread,
-    reading_as_asked,
     robot_with_effects,
+    with_reading_options,
 )
 from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import VIEW, Progress
@@ -125,10 +125,10 @@ def _replay(arguments: argparse.Namespace) -> Replay:
         robot = robot_with_effects(arguments)
         correction = None if arguments.diagnosis is None else read_correction(arguments.diagnosis, robot)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
-        read_as_asked = reading_as_asked(read_recording, arguments)
+        read_with_options = with_reading_options(read_recording, arguments)
 
         def read(torque_needed: bool) -> tuple[Recording, ...]:
-            return (read_as_asked(arguments.log, robot, torque_needed=torque_needed),)
+            return (read_with_options(arguments.log, robot, torque_needed=torque_needed),)
 
         driven, recordings, motion = torque_or_motion(robot, read, motion_only=arguments.motion_only)
         if motion:

@@ -25,7 +25,7 @@ def parser() -> argparse.ArgumentParser:
 def run(arguments: argparse.Namespace) -> int:
     """Read the diagnosis and print the explanation."""
     from identification.reporting.stored.diagnosis_reader import read_diagnosis
-    from identification.words.ledger_words import listed, why
+    from identification.words.ledger_words import claims_text, why
 
-    say(listed(why(read_diagnosis(arguments.diagnosis), arguments.effect, arguments.joint)))
+    say(claims_text(why(read_diagnosis(arguments.diagnosis), arguments.effect, arguments.joint)))
     return DONE

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from identification.data.drive_loop import DriveLoop
-from identification.notes import Note, Said
+from identification.notes import Note, Remark
 from phantom_dyn.array_types import Array, Float
 
 _MOST_LISTED = 5  # largest number of times that a sentence lists
@@ -205,7 +205,7 @@ class Recording:
     base: BaseReadings | None = None
 
     @property
-    def said(self) -> tuple[Said, ...]:
+    def remarks(self) -> tuple[Remark, ...]:
         """Warnings and notes on the recording; those from reading come first."""
         return (*self.warnings, *self.notes)
 

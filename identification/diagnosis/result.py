@@ -11,7 +11,7 @@ from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.residual_law import Dependence, Law
 from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
-from identification.notes import Said
+from identification.notes import Remark
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
 
@@ -332,8 +332,8 @@ class Judgement:
     bounds: tuple[Bound, ...]
     not_testable: tuple[NotTestable, ...]
     evidence: Evidence
-    warnings: tuple[Said, ...] = ()
-    notes: tuple[Said, ...] = ()
+    warnings: tuple[Remark, ...] = ()
+    notes: tuple[Remark, ...] = ()
     bursts: tuple[Burst, ...] = ()
     gap: Gap = Gap()
     minor: tuple[Finding, ...] = ()
@@ -362,13 +362,13 @@ class Diagnosis:
     unexplained: Unexplained
     bounds: tuple[Bound, ...]
     not_testable: tuple[NotTestable, ...]
-    data_warnings: tuple[Said, ...]
+    data_warnings: tuple[Remark, ...]
     next_experiment: dict | None
     rollout: dict | None
     seconds: float
     version: str
     evidence: Evidence
-    notes: tuple[Said, ...] = ()
+    notes: tuple[Remark, ...] = ()
     next_motion: Motion | None = None
     wrong: tuple[str, ...] = ()
     gap: Gap = Gap()

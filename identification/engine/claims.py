@@ -74,7 +74,7 @@ class Claim(Generic[Name]):
         return next((result for result in self.gates if not result.passed), None)
 
 
-def could_stand_for(lone_gain: float, needed: float, added_gain: float, claimed_gain: float) -> bool:
+def could_replace(lone_gain: float, needed: float, added_gain: float, claimed_gain: float) -> bool:
     """True if an unclaimed cause counts as displaced by a claimed one: it gains much alone, but little after the other.
 
     Args:
@@ -111,7 +111,7 @@ def easiest_test(gate: str, ways: Iterable[tuple[float, float, str]]) -> GateRes
     return max(tried, key=lambda result: result.closeness)
 
 
-def fails_worst(results: Mapping[Key, GateResult]) -> Key | None:
+def worst_failure(results: Mapping[Key, GateResult]) -> Key | None:
     """The claim with the lowest `GateResult.closeness` among those that fail a gate; None if all claims pass."""
     failed = {key: result.closeness for key, result in results.items() if not result.passed}
     return min(failed, key=lambda key: failed[key], default=None)

@@ -57,7 +57,7 @@ from identification.export.uses.randomisation_file import randomisation_text
 from identification.export.uses.residual_model import residual_code, residual_note, residual_of, residual_table
 from identification.export.uses.simulator_files import isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
-from identification.notes import INCOMPLETE_FILES, Code, Note, Said
+from identification.notes import INCOMPLETE_FILES, Code, Note, Remark
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.robot import Robot
@@ -73,7 +73,7 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
     return tuple(name for name in NAMES if out / name not in written)
 
 
-def incomplete_file_notes(notes: Iterable[Said]) -> tuple[Note, ...]:
+def incomplete_file_notes(notes: Iterable[Remark]) -> tuple[Note, ...]:
     """The notes of `export_texts` on files that were not written, and on findings that a file does not contain."""
     return tuple(note for note in notes if isinstance(note, Note) and note.code in INCOMPLETE_FILES)
 
@@ -100,7 +100,7 @@ def export_texts(
     if diagnosis.poses_alone:
         texts, diagnosis = _texts_of_poses(diagnosis, robot, folder, config, known)
         return {YAML: write_corrected(diagnosis, robot.source, robot.sha256), **texts}, diagnosis
-    if any(isinstance(said, Note) and said.code is Code.MODEL_IN_COMMON for said in diagnosis.notes):
+    if any(isinstance(remark, Note) and remark.code is Code.MODEL_IN_COMMON for remark in diagnosis.notes):
         # The findings are relative to a fitted model, not to the given model whose files would be changed.
         return {}, diagnosis
     best, other_numbers = _built_files(diagnosis, robot, folder, known, config), None
@@ -200,9 +200,9 @@ def _built_files(
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
     if residual is not None and RESIDUAL in texts:
         notes.append(residual_note(residual))
-    moved = joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
-    if moved and FEEDFORWARD in texts:
-        notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(moved)}))
+    corrections = joint_corrections(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
+    if corrections and FEEDFORWARD in texts:
+        notes.append(Note(Code.AS_IT_WAS_GIVEN, None, {"files": (FEEDFORWARD,), "names": tuple(corrections)}))
     wanted = NAMES
     if robot.floating:
         problem = "the torque of another motion depends on the motion of the base, which is not known in advance."
@@ -229,12 +229,12 @@ def _with_moved_joints(
     notes = [*not_in_files(diagnosis.geometry, known), *corrections.notes]
     out = dict(texts)
     if corrections.urdf and URDF in out:
-        moved, missing = urdf_with_corrected_joints(out[URDF], corrections.urdf)
+        corrected_text, missing = urdf_with_corrected_joints(out[URDF], corrections.urdf)
         notes += [_places_not_in(URDF, missing, given=False)] if missing else []
-        if problem := problem_of_loops(moved, robot, config):
+        if problem := problem_of_loops(corrected_text, robot, config):
             notes.append(Note(Code.LOOPS_STAY_OPEN, None, {"files": (URDF,), "problem": problem}))
         else:
-            out[URDF] = moved
+            out[URDF] = corrected_text
     if corrections.mjcf and MJCF in out:
         out[MJCF], missing = mjcf_with_corrected_joints(out[MJCF], corrections.mjcf)
         if missing:
@@ -303,8 +303,8 @@ def _models(
             files = model_files(corrected, motion, folder=folder, config=config)
         except PhantomDynError as error:
             return _Models(corrected, (), (not_written_note(error, URDF, MJCF),))
-        kept, _, _ = passed_files({file.name: file.text for file in files if file.text}, check_of(corrected))
-        return _Models(corrected, files, body_notes, len(kept))
+        passed, _, _ = passed_files({file.name: file.text for file in files if file.text}, check_of(corrected))
+        return _Models(corrected, files, body_notes, len(passed))
 
     best: _Models | None = None
     failure: PhantomDynError | None = None
@@ -322,8 +322,8 @@ def _models(
         raise failure
     if not diagnosis.adjusted:
         return best, ()
-    held = best.corrected.base is not robot
-    return best, (Note(Code.WITHIN_TOLERANCE, None, {"count": len(diagnosis.adjusted), "held": held}),)
+    included = best.corrected.base is not robot
+    return best, (Note(Code.WITHIN_TOLERANCE, None, {"count": len(diagnosis.adjusted), "held": included}),)
 
 
 def _recorded_motion(diagnosis: Diagnosis) -> Motion:

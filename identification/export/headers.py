@@ -31,11 +31,11 @@ def with_header(text: str, record: WrittenFile, diagnosis: Diagnosis, fitted: Fi
     if abs(fitted.timing) > _LATE:
         shift = f"{'late' if fitted.timing < 0 else 'early'} by {abs(fitted.timing):.2f} samples"
         lines.append(f"The recorded torque is {shift}. These figures include the shift and no file does.")
-    moved = [joint for joint, part in fitted.arrivals if abs(part) > _LATE]
-    if moved:
+    shifted = [joint for joint, part in fitted.arrivals if abs(part) > _LATE]
+    if shifted:
         lines.append(
-            f"The voltage of {listed(moved)} was read at one time while each reference was held, and is not the mean "
-            "over it. These figures include the difference and no file does."
+            f"The voltage of {listed(shifted)} was read at one time while each reference was held, and is not the "
+            "mean over it. These figures include the difference and no file does."
         )
     if record.file == YAML:
         lines.append("These figures include the changes under adjusted; --with does not apply them.")

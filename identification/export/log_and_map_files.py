@@ -66,19 +66,19 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Progress = lamb
     """
     netcdf = (NETCDF,) if is_installed("netCDF4") and is_installed("xarray") else ()
     written = [folder / name for name in ("map.npz", *netcdf, *(f"{name}.png" for name in result.values))]
-    with renamed_together(folder) as beside:
+    with renamed_together(folder) as temporary_path:
         progress(Announcement(Stage.WRITING, detail={"file": "map.npz"}))
-        made = beside(written[0])
+        made = temporary_path(written[0])
         with made.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays(result))
         with ZipFile(made, "a") as archive:
             archive.comment = b"phantom-dyn"  # `files.require_own` lets a later run overwrite only files with this mark
         if netcdf:
             progress(Announcement(Stage.WRITING, detail={"file": NETCDF}))
-            _write_netcdf(dataset(result), beside(written[1]))
+            _write_netcdf(dataset(result), temporary_path(written[1]))
         for name, path in zip(result.values, written[1 + len(netcdf) :], strict=True):
             progress(Announcement(Stage.DRAWING, detail={"file": name}))
-            figure(result, name).savefig(beside(path))
+            figure(result, name).savefig(temporary_path(path))
     return written
 
 
@@ -86,8 +86,8 @@ def _write_netcdf(data: Dataset, path: Path) -> None:
     """Write a data set as NetCDF.
 
     The library raises an unspecific error if the disk is full, so its error is replaced by one that names this cause.
-    The library also refuses to write a file that is locked, and `temporary_beside` holds a lock on ``path``. So the
-    file is written in a temporary folder and then copied.
+    It also refuses to write a locked file, and `temporary_beside` locks ``path``, so the file is written in a temporary
+    folder and then copied.
     """
     with TemporaryDirectory() as folder:
         made = Path(folder) / path.name

@@ -31,7 +31,7 @@ PART_SHARE = 0.75
 PART_CERTAIN = 0.9
 
 
-def differs_from_simpler(certain: float, something_there: bool) -> GateResult:
+def differs_from_simpler(certain: float, effect_is_certain: bool) -> GateResult:
     """Is the size of an effect not zero, and does the effect differ from the simpler law that is its special case?
 
     For example, Coulomb friction is the simpler law of Stribeck friction. A stronger effect would pass, or a recording
@@ -40,10 +40,10 @@ def differs_from_simpler(certain: float, something_there: bool) -> GateResult:
     Args:
         certain: Probability that a recording without the difference (size zero, or the simpler law true) would show a
             smaller one.
-        something_there: True if some effect is certain: the special case is a simpler law, or the gap that the effect
+        effect_is_certain: True if some effect is certain: the special case is a simpler law, or the gap that the effect
             closes cannot be noise. False if there may be no effect at all.
     """
-    needed = DIFFERS_FROM_SIMPLER if something_there else DIFFERS_FROM_ZERO
+    needed = DIFFERS_FROM_SIMPLER if effect_is_certain else DIFFERS_FROM_ZERO
     return GateResult("differs from simpler", certain, needed, "probability", certain >= needed)
 
 

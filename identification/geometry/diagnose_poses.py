@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from identification.data.recording import Recording
 from identification.engine import contract_levels
-from identification.engine.claims import NEVER_CLAIMED, Claim, GateResult, Outcome, could_stand_for, until_failed
+from identification.engine.claims import NEVER_CLAIMED, Claim, GateResult, Outcome, could_replace, until_failed
 from identification.engine.numerics.spans import orthogonal_part, orthonormal
 from identification.engine.resampling import interval
 from identification.gates.above_chance import more_than_chance
@@ -368,7 +368,7 @@ def _claim_of_place(
     else:  # the fit with this parameter ends at a size that cannot exist
         gate = possible_size(1)
     figures, instead = {"closes": _closes(gap, (near.term,))}, ()
-    if near.other is not None and could_stand_for(
+    if near.other is not None and could_replace(
         near.gain_if_replacing, explained.price, near.gain_if_added, near.gain_of_other
     ):
         instead = (near.other,)

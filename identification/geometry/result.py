@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.engine.claims import Claim
-from identification.notes import Said
+from identification.notes import Remark
 from phantom_dyn.array_types import Array, Bool, Float
 
 
@@ -198,8 +198,8 @@ class GeometryResult:
     delays: tuple[PoseDelay, ...]
     rank: int
     structured: bool
-    warnings: tuple[Said, ...]
+    warnings: tuple[Remark, ...]
     evidence: PoseEvidence | None = None
     torque_verdict: str | None = None
-    notes: tuple[Said, ...] = ()
+    notes: tuple[Remark, ...] = ()
     claims: tuple[Claim[tuple[str, str | None]], ...] = ()

@@ -12,9 +12,9 @@ from markupsafe import Markup
 from identification.identify import identification_words as words
 from identification.identify.identification import IdentifiedModel, JointError, Parameter
 from identification.identify.identification_words import error_percent
-from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart, curve_over_time, short_name
+from identification.reporting.charts.chart import AFTER, BEFORE, SECTION_S, Panel, chart, curve_over_time, short_name
 from identification.reporting.charts.chart_marks import INK, Curve
-from identification.reporting.charts.thinning import eventful_stretch
+from identification.reporting.charts.thinning import largest_residual_section
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.model.inertia import STANDARD_NAMES
 
@@ -45,7 +45,7 @@ def torque_figure(found: IdentifiedModel, joint: int) -> str:
     """Figure of measured and predicted torque over a part of the held-out data, with the residual below."""
     evidence, error = found.evidence, found.joints[joint]
     measured, predicted = evidence.measured[:, joint], evidence.predicted[:, joint]
-    rows = eventful_stretch(evidence.t, measured - predicted, STRETCH_S)
+    rows = largest_residual_section(evidence.t, measured - predicted, SECTION_S)
     t = evidence.t[rows]
     torques = (
         curve_over_time(t, measured[rows], INK, 1.8, "measured", 0.55),

@@ -26,7 +26,7 @@ from identification.estimators.fit import Fit, relative_rms
 from identification.estimators.iv import hausman_test
 from identification.estimators.linear.cautions import About
 from identification.estimators.weighted_least_squares import wls
-from identification.export.check.checked_files import leaves_more, rms
+from identification.export.check.checked_files import has_larger_residual, rms
 from identification.identify.hold_out import (
     Split,
     caution,
@@ -262,7 +262,7 @@ def identify(
         *fault_warnings(every),
         *missed_sentences(errors, shared),
         *robot.warnings,
-        *(sentence(finding) for recording in every for finding in recording.said),
+        *(sentence(finding) for recording in every for finding in recording.remarks),
         *_lacking_excitation(fit, excited.rank, not_excited(fit.base, excited)),
         *caution(split),
         *(one.sentence for one in fit.cautions if one.about is not About.SEPARATION),
@@ -353,7 +353,7 @@ def without_worse_files(
     for file in files:
         robot = robots[file.file]
         remaining = replay.squares(lambda k, robot=robot: inverse_dynamics(robot, logs[k].motion))
-        worse = leaves_more(remaining, before)
+        worse = has_larger_residual(remaining, before)
         if file.text and worse.any():
             after, of_given = rms(remaining), rms(before)
             j = int(np.argmax(np.where(worse, after / np.maximum(of_given, 1e-300), 0.0)))

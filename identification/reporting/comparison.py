@@ -15,10 +15,10 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, V
 from identification.reporting.stored.diagnosis_reader import FILE
 from identification.words.diagnosis_words import (
     capital,
-    effect_at,
-    effect_at_finding,
     joined,
     parameter_name,
+    placed_effect,
+    placed_finding,
     share_words,
 )
 from identification.words.geometry_words import all_findings
@@ -99,8 +99,8 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
     """Compares diagnoses.
 
     A parameter counts as changed if its difference between two diagnoses is significant at 5 %, with a Bonferroni
-    correction over all compared parameters and pairs. Errors of the diagnoses are taken as independent; if diagnoses
-    share a recording, fewer changes are found.
+    correction over all compared parameters and pairs. Errors are taken as independent; if diagnoses share a recording,
+    fewer changes are found.
 
     Args:
         diagnoses: Two or more diagnoses of the same joints.
@@ -225,7 +225,7 @@ def _statement_without_finding(diagnosis: Diagnosis, at: EffectAt) -> str:
     for finding in diagnosis.findings:
         for rival in finding.rivals:
             if at in rival.effects:
-                return f"a rival of {effect_at_finding(finding)} ({percent(rival.probability)})"
+                return f"a rival of {placed_finding(finding)} ({percent(rival.probability)})"
     if any((entry.effect, entry.joint) == (at.effect, at.joint) for entry in diagnosis.not_testable):
         return "not testable there"
     for bound in diagnosis.bounds:
@@ -237,11 +237,11 @@ def _statement_without_finding(diagnosis: Diagnosis, at: EffectAt) -> str:
 
 def _row_lines(row: ComparedFinding) -> list[str]:
     """Lines on one finding: one per parameter; without parameters, one that states which diagnoses have the finding."""
-    name = capital(effect_at(row.at))
+    name = capital(placed_effect(row.at))
     out = []
     for size in row.sizes:
         pairs = zip(size.values, row.missing, strict=True)
-        cells = [size_words(value) or statement or "not found" for value, statement in pairs]
+        cells = [value_with_interval(value) or statement or "not found" for value, statement in pairs]
         verdict = {True: ", changed", False: ", the same", None: ""}[size.changed]
         out.append(f"  {name}, {parameter_name(size.parameter)}: {' -> '.join(cells)}{verdict}")
     if not row.sizes:
@@ -251,7 +251,7 @@ def _row_lines(row: ComparedFinding) -> list[str]:
     return out
 
 
-def size_words(value: Value | None) -> str:
+def value_with_interval(value: Value | None) -> str:
     """A value with its 95 % interval, as in ``0.251 (0.250 to 0.252) N m``; empty for None."""
     if value is None:
         return ""

@@ -13,10 +13,10 @@ from identification.reporting.comparison import (
     ComparedSize,
     Comparison,
     first_lines,
-    size_words,
+    value_with_interval,
 )
 from identification.reporting.plain_page import figure, page, table
-from identification.words.diagnosis_words import capital, effect_at, joined, parameter_name
+from identification.words.diagnosis_words import capital, joined, parameter_name, placed_effect
 from identification.words.numbers_and_names import NO_BREAK, number
 
 _SIZE = (4.6, 2.3)  # size of a figure [inch]
@@ -49,9 +49,10 @@ def comparison_page(found: Comparison) -> str:
 def _findings_table(found: Comparison) -> str:
     rows = []
     for row in found.findings:
-        name = capital(effect_at(row.at))
+        name = capital(placed_effect(row.at))
         for size in row.sizes:
-            cells = [size_words(value) or statement for value, statement in zip(size.values, row.missing, strict=True)]
+            pairs = zip(size.values, row.missing, strict=True)
+            cells = [value_with_interval(value) or statement for value, statement in pairs]
             verdict = _CHANGED[any(row.missing) or size.changed]
             rows.append((f"{name}, {parameter_name(size.parameter)}", *map(_plain, cells), verdict))
         if not row.sizes:
@@ -68,7 +69,7 @@ def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) ->
     changed = size.changed or any(row.missing)
     entries = max(len(value.numbers) for value in size.values if value is not None)
     curves = tuple(_entry_curve(size, k, BEFORE if changed else AFTER) for k in range(entries))
-    title = f"{capital(effect_at(row.at))}, {parameter_name(size.parameter)}"
+    title = f"{capital(placed_effect(row.at))}, {parameter_name(size.parameter)}"
     label = f"{short_name(parameter_name(size.parameter))} [{unit}]"
     hidden = [
         next((b.below for b in diagnosis.bounds if (b.effect, b.joint, b.parameter) == place), 0.0) if missing else 0.0
@@ -97,7 +98,7 @@ def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:
     pairs = [_entry(value, entry) for value in size.values]
     y, std = np.array(pairs, dtype=float).T
     half = INTERVAL * np.where(np.isfinite(std), std, 0.0)
-    tips = tuple("" if value is None else _plain(size_words(value)) for value in size.values)
+    tips = tuple("" if value is None else _plain(value_with_interval(value)) for value in size.values)
     return Curve(np.arange(len(y)), y, colour, 1.0, opacity=0.5, marked=True, half=half, tips=tips)
 
 

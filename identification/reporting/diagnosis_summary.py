@@ -10,10 +10,10 @@ import numpy as np
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.engine import contract_levels
-from identification.notes import Said
+from identification.notes import Remark
 from identification.words import diagnosis_words as words
-from identification.words.diagnosis_words import growth_words
-from identification.words.geometry_words import sentences
+from identification.words.diagnosis_words import ratio_words
+from identification.words.geometry_words import geometry_sentences
 from identification.words.law_words import law_line
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import (
@@ -39,7 +39,7 @@ _DIFFERS = 2.0  # a parameter counts as different from zero above this number of
 
 def summary(diagnosis: Diagnosis) -> str:
     """The summary: verdict, gap, findings with their sizes, a table of joints, and the most important notes."""
-    poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
+    poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(geometry_sentences(diagnosis.geometry)))]
     diagnosis = diagnosis.with_torque_verdict
     blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
     proposed = next_experiment_lines(diagnosis)
@@ -59,7 +59,7 @@ def next_experiment_lines(diagnosis: Diagnosis) -> list[str]:
     return [_wrapped(f"Next experiment: {proposal}")] if proposal else []
 
 
-def note_lines(notes: Sequence[Said]) -> list[str]:
+def note_lines(notes: Sequence[Remark]) -> list[str]:
     """Lines of notes."""
     return [_wrapped(f"Note: {sentence}", "  ") for sentence in note_sentences(notes)]
 
@@ -124,7 +124,7 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
     """Sentences on data and findings. Warnings come first, as the result may depend on them."""
     out = [f"Warning: {warning}" for warning in note_sentences(diagnosis.data_warnings)]
     if diagnosis.minor:
-        names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
+        names = words.joined([words.placed_finding(finding) for finding in diagnosis.minor])
         out.append(f"Also visible, too small to matter: {names}.")
     if diagnosis.verdict in ("explained", "no_gap") and diagnosis.adjusted:
         count = len(diagnosis.adjusted)
@@ -139,14 +139,14 @@ def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def _finding_line(finding: Finding) -> str:
-    grown = growth_words(finding)
+    grown = ratio_words(finding)
     known = words.shown_parameters(finding)
     values = {name: value for name, value in known.items() if not (grown and name == "ratio")}
     not_shown = words.not_shown_words(finding)
     size = (f": {_sizes(values)}" if values else "") + grown + (f" ({not_shown})" if not_shown else "")
-    sure = f"{words.sureness(finding.probability)}, {words.of_the_gap(finding)}"
+    sure = f"{words.certainty_words(finding.probability)}, {words.share_of_gap_words(finding)}"
     rivals = words.rivals_words(finding)
-    return "; ".join([words.capital(words.effect_at_finding(finding)) + size, sure, *([rivals] if rivals else [])])
+    return "; ".join([words.capital(words.placed_finding(finding)) + size, sure, *([rivals] if rivals else [])])
 
 
 def _sizes(values: Mapping[str, Value]) -> str:

@@ -44,7 +44,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f'<div class="scrolls"><table>{"".join(lines)}</table></div>'
 
 
-def listed(sentences: Sequence[str]) -> str:
+def html_list(sentences: Sequence[str]) -> str:
     """The HTML of a list of sentences, which are not yet escaped."""
     return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>"
 

@@ -1,8 +1,8 @@
 """Fits a model to the recordings without a load, so that a diagnosis finds only the unknown load of the others.
 
 The fit covers the inertial parameters of all links, and friction and a constant torque of every joint. The links stay
-physically consistent, with a prior at the given parameters. The diagnosis of all recordings starts from the fitted
-model. So errors of the given model, which affect all recordings, do not count as a change.
+physically consistent, with a prior at the given parameters. All recordings are then diagnosed with the fitted model, so
+that errors of the given model, which affect all recordings, do not count as a change.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 # Prior standard deviation of the links' parameters as a share of the given ones: wide, as the model may be inaccurate.
-_WEAK = 0.5
+_PRIOR_STD = 0.5
 _OFFSET = "torque_offset"
 _FRICTION = ("viscous_friction", "coulomb_friction")
 
@@ -71,7 +71,7 @@ def common_model(
     logs, _ = process_all(unloaded, frictionless)
     logs = tuple(replace(log, tau=within_limits(log.tau, frictionless)) for log in logs)
     effects = [(effect_named(name), joint) for joint in robot.joint_names for name in (*_FRICTION, _OFFSET)]
-    found = consistent(torque_regressor(frictionless, logs, effects), prior=1.0 / _WEAK**2)
+    found = consistent(torque_regressor(frictionless, logs, effects), prior=1.0 / _PRIOR_STD**2)
     count = len(standard_parameters(frictionless))
     out = with_parameters(frictionless, found.pi[:count] - standard_parameters(frictionless))
     offsets = []

@@ -1,9 +1,9 @@
 """Choice between a higher controller gain and a lighter robot, which positions alone do not separate.
 
 Without torque and stated gains, the gain of a controller is estimated from the masses of the model. If the robot
-carries a load that the model lacks, the estimated gain is too low. The estimated friction is then too low as well, by
-more than an error of the damping gain could explain. With gains scaled so that the friction is as modelled, the load
-becomes visible. Recordings are diagnosed with both gains. Held-out samples decide between the results if they can.
+carries a load that the model lacks, the estimated gain is too low, and so is the estimated friction, by more than an
+error of the damping gain could explain. With gains scaled so that the friction is as modelled, the load becomes
+visible. Recordings are diagnosed with both gains, and held-out samples decide between the results if they can.
 """
 
 from __future__ import annotations
@@ -23,16 +23,14 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.effects.support.rows import stiffness_unit
 from phantom_dyn.model.robot import Robot
 
-_MOST = 10.0  # largest factor for the gains: a load of more than this many times the robot's masses is implausible
+_LARGEST_FACTOR = 10.0  # of the gains: a load of more than this many times the robot's masses is implausible
 _BLOCKS = 30  # number of time blocks of a bootstrap, because neighbouring samples are not independent
 
 
 def scales_by_friction(
     robot: Robot, recordings: tuple[Recording, ...], findings: tuple[Finding, ...]
 ) -> dict[str, float]:
-    """Factor for the estimated gains of each joint with which its friction becomes the modelled friction.
-
-    Only joints are included whose friction was found to be lower than modelled.
+    """Factor for the estimated gains of each joint whose found friction is too low, with which it is as modelled.
 
     Args:
         robot: The robot with the estimated gains.
@@ -54,7 +52,7 @@ def scales_by_friction(
             damping = controller.kd if controller is not None and effect == "viscous_friction" else 0.0
             change = next(iter(finding.parameters.values())).numbers[0]
             found_friction = float(modelled[row]) + damping + change
-            if found_friction < modelled[row] and found_friction * _MOST > modelled[row]:
+            if found_friction < modelled[row] and found_friction * _LARGEST_FACTOR > modelled[row]:
                 out[finding.joint] = float(modelled[row]) / found_friction
     return out
 
@@ -81,8 +79,8 @@ def with_scaled_gains(
     driven = replace(robot, actuators=tuple(actuators))
     out = []
     for k, one in enumerate(recordings):
-        kept = tuple(n for n in one.notes if n.code is not Code.GAINS_ESTIMATED or n.joint not in scales)
-        notes = (*kept, *higher) if k == 0 else kept
+        other_notes = tuple(n for n in one.notes if n.code is not Code.GAINS_ESTIMATED or n.joint not in scales)
+        notes = (*other_notes, *higher) if k == 0 else other_notes
         out.append(replace(one, tau=limited_controller_torque(one, driven), notes=notes))
     return driven, tuple(out)
 
@@ -90,8 +88,8 @@ def with_scaled_gains(
 def preferred_diagnosis(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> tuple[bool, Diagnosis]:
     """Whether the diagnosis with higher gains is preferred, and the preferred one with the other's findings as rivals.
 
-    If the residuals of both are only noise, each has half of the probability, and the one with fewer findings is
-    preferred. Otherwise the held-out losses determine the probabilities.
+    If the residuals of both are only noise, both are equally probable, and the one with fewer findings is preferred.
+    Otherwise the held-out losses determine the probabilities.
 
     Args:
         first: Diagnosis with the gains as they were estimated.

@@ -1,9 +1,9 @@
 """Detects drives that hold each reference for a row of the log, and removes the response to its steps.
 
 A held reference (zero-order hold) acts half a row late on average. It also jumps at every row, and the joint responds
-to each jump. As the log has one sample per row, this response is aliased to the frequencies of the motion. There it
-looks like a torque that couples the joints. The response is linear in the references, and follows from gains and
-inertia. It is subtracted from the positions.
+to each jump. As the log has one sample per row, this response is aliased to the frequencies of the motion, where it
+looks like a torque that couples the joints. It is linear in the references, follows from gains and inertia, and is
+subtracted from the positions.
 
 Simulated environments often log the positions after a step beside the action of that step. Each reference then acts in
 the row before its own.
@@ -31,20 +31,20 @@ _IMAGES = 3
 # Number of rows by which references are extended at both ends.
 _PADDING = 200
 # Rows are even if the standard deviation of the times between them is at most this share of the median.
-_EVEN = 0.05
+_UNEVENNESS = 0.05
 # Postures over which the inertia is averaged.
 _POSTURES = 50
-# References count as held if this assumption lowers the logarithm of the unexplained torque by at least the first
-# number on average over all joints and both halves of the log, and raises it by at most the second number in each.
-_SEEN, _LOSS = 0.3, 0.2
+# References count as held if this lowers the logarithm of the unexplained torque by the first number or more on average
+# over all joints and both halves of the log, and raises it by at most the second number in each.
+_LEAST_GAIN, _LARGEST_LOSS = 0.3, 0.2
 # Delays of the references [rows] that held references must outperform; a hold delays them by half a row on average.
 _OTHER_DELAYS = (0.25, 0.75)
-# Advances [rows] of references that act in the row before their own, if they act at once or are held, and advances that
-# must explain the torque less well. A drive that uses the velocity of the reference looks advanced, too.
+# Advances [rows] of references that act in the row before their own (at once, or held), and other advances, which must
+# explain the torque less well. A drive that uses the velocity of the reference looks advanced, too.
 _STEP_BEFORE, _OTHER_ADVANCES = (1.0, 0.5), (0.0, 1.75)
 # Time between rows [s] below which a hold does not matter: half a row is less than the usual delay of a drive, and the
 # steps hardly move a joint.
-_SHORT = 0.004
+_SHORTEST_ROW = 0.004
 # Largest number of joints: with more, the detection would take longer than a diagnosis.
 _MOST_JOINTS = 12
 
@@ -72,9 +72,11 @@ def with_held_references(robot: Robot, recording: Recording) -> Recording:
     compared = busiest(recording)
     held = replace(compared, references_held=True)
     try:
-        steps_show = _step_response_shows(robot, held)
-        if not stated and not _hold_shows(robot, compared, without_step_response(robot, held) if steps_show else held):
-            return recording
+        steps_show = _has_step_response(robot, held)
+        if not stated:
+            smooth = without_step_response(robot, held) if steps_show else held
+            if not _references_are_held(robot, compared, smooth):
+                return recording
     except (ChainError, LogError):
         return recording
     recording = without_step_response(robot, recording) if steps_show else recording
@@ -97,8 +99,8 @@ def _with_references_in_their_step(robot: Robot, recording: Recording) -> Record
     except (ChainError, LogError):
         return recording
     best = max(_STEP_BEFORE, key=lambda rows: gains[rows].mean())
-    least = max(_SEEN, *(gains[rows].mean() for rows in _OTHER_ADVANCES))
-    if gains[best].mean() <= least or gains[best].min() < -_LOSS:
+    least = max(_LEAST_GAIN, *(gains[rows].mean() for rows in _OTHER_ADVANCES))
+    if gains[best].mean() <= least or gains[best].min() < -_LARGEST_LOSS:
         return recording
     row_time = float(np.median(np.diff(recording.t)))
     note = Note(Code.REFERENCE_OF_STEP, numbers={"file": recording.file, "row": row_time})
@@ -108,22 +110,22 @@ def _with_references_in_their_step(robot: Robot, recording: Recording) -> Record
 def _has_slow_even_rows(recording: Recording) -> bool:
     """True if the rows are evenly spaced in time, and far enough apart for steps to matter."""
     steps = np.diff(recording.t)
-    return bool(np.std(steps) < _EVEN * np.median(steps) and np.median(steps) >= _SHORT)
+    return bool(np.std(steps) < _UNEVENNESS * np.median(steps) and np.median(steps) >= _SHORTEST_ROW)
 
 
-def _step_response_shows(robot: Robot, held: Recording) -> bool:
+def _has_step_response(robot: Robot, held: Recording) -> bool:
     """True if the unexplained torque is smaller after the response to the steps of held references is removed."""
     smooth = without_step_response(robot, held)
     improvements = np.log(unexplained_torque(robot, held) / unexplained_torque(robot, smooth))
-    return bool(improvements.mean() > 0 and improvements.min() > -_LOSS)
+    return bool(improvements.mean() > 0 and improvements.min() > -_LARGEST_LOSS)
 
 
-def _hold_shows(robot: Robot, recording: Recording, held: Recording) -> bool:
+def _references_are_held(robot: Robot, recording: Recording, held: Recording) -> bool:
     """True if held references explain the torque far better than undelayed ones, and better than delayed ones."""
     undelayed = unexplained_torque(robot, recording)
     improvements = np.log(undelayed / unexplained_torque(robot, held))
     by_delay = [np.mean(np.log(undelayed / unexplained_torque(robot, _delayed(recording, x)))) for x in _OTHER_DELAYS]
-    return bool(improvements.mean() > max(_SEEN, *by_delay) and improvements.min() >= -_LOSS)
+    return bool(improvements.mean() > max(_LEAST_GAIN, *by_delay) and improvements.min() >= -_LARGEST_LOSS)
 
 
 def unexplained_torque(robot: Robot, recording: Recording) -> Float[Array, "2 nv"]:

@@ -1,6 +1,6 @@
 """Gives effects of a single recording their names in the catalogue, and states how many times larger friction is there.
 
-During the fit, an effect of a single recording has a name of its own, see `OneRecordingEffect`. A finding states the
+During the fit, an effect of a single recording has a name of its own (`OneRecordingEffect`). A finding states the
 catalogue's effect and the recording instead.
 """
 
@@ -46,8 +46,8 @@ def with_catalogue_names(judgement: Judgement, session: Session) -> Judgement:
         ledger=tuple(
             replace(
                 claim,
-                effects=tuple(_named(at, own) for at in claim.effects),
-                instead=tuple(_named(at, own) for at in claim.instead),
+                effects=tuple(_with_catalogue_name(at, own) for at in claim.effects),
+                instead=tuple(_with_catalogue_name(at, own) for at in claim.instead),
             )
             for claim in judgement.ledger
         ),
@@ -63,7 +63,8 @@ def _renamed(
 ) -> Finding:
     """The finding with the catalogue's names, and for friction the ratio of its level to that in other recordings."""
     rivals = tuple(
-        RivalSet(tuple(_named(at, own) for at in rival.effects), rival.probability) for rival in finding.rivals
+        RivalSet(tuple(_with_catalogue_name(at, own) for at in rival.effects), rival.probability)
+        for rival in finding.rivals
     )
     effect = own.get(finding.effect)
     if effect is None:
@@ -77,7 +78,7 @@ def _renamed(
     return replace(finding, effect=name, recording=effect.file, parameters=parameters, rivals=rivals)
 
 
-def _named(at: EffectAt, own: dict[str, OneRecordingEffect]) -> EffectAt:
+def _with_catalogue_name(at: EffectAt, own: dict[str, OneRecordingEffect]) -> EffectAt:
     effect = own.get(at.effect)
     return at if effect is None else EffectAt(effect.inner.name, at.joint, effect.file)
 
@@ -117,9 +118,8 @@ def _shares(robot: Robot, effect: str, joint: str | None, kind: int) -> dict[str
 def growth(difference: Value, level: Value) -> Value | None:
     """Ratio of a level in one recording to that in the others; None if the level in the others is too uncertain.
 
-    The variance of the difference is the sum of the variances of both levels. So the variance of the level in the one
-    recording is the variance of the difference minus that of the level in the others. As both are estimates, at least a
-    quarter of the variance of the difference is used.
+    The variance of the level in the one recording is that of the difference minus that of the level in the others. As
+    both are estimates, at least a quarter of the variance of the difference is used.
     """
     more, more_std = difference.numbers[0], difference.stds[0]
     base, base_std = level.numbers[0], level.stds[0]

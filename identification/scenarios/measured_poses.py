@@ -84,7 +84,7 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...], known: K
         not_testable=(),
         data_warnings=(
             *robot.warnings,
-            *(said for recording in recordings for said in recording.said),
+            *(remark for recording in recordings for remark in recording.remarks),
             *found.warnings,
         ),
         next_experiment=None,

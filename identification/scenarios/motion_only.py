@@ -85,9 +85,9 @@ def _position_torque_limit(actuator: Actuator) -> float:
 def controller_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
     """Torque ``kp (q_ref - q) - kd v`` of delayed controllers before the drives' torque limits; zero without a drive.
 
-    The part by ``kp`` is limited as the controller states, and by the drive's largest voltage if it is known. If no
-    velocities were recorded, positions are differentiated. The low pass of the torque removes the noise of these
-    velocities later.
+    The part by ``kp`` is limited as the controller states, and by the drive's largest voltage if it is known.
+    Velocities that were not recorded are differentiated positions; the low pass of the torque removes their noise
+    later.
     """
     assert recording.q_ref is not None
     t = recording.t
@@ -123,7 +123,7 @@ def gains_of_file(robot: Robot) -> dict[str, tuple[float, float, float]]:
     }
 
 
-def motion_robot(robot: Robot) -> Robot:
+def commanded_robot(robot: Robot) -> Robot:
     """The robot with ``command`` as the source of its torque, for recordings without a measured torque."""
     return replace(robot, torque_source="command")
 

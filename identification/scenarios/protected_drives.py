@@ -1,8 +1,8 @@
 """Detects drives that protect themselves: beyond a certain position error they reduce their output.
 
-If the torque was computed from references, no output of the drive was recorded. The modelled torque along the motion is
-used instead. As a function of the position error, it shows the gain and delay of the control loop, and the error beyond
-which the drive reduces its output. A wrong mass in the model changes the gain, but not this error.
+If the torque was computed from references, no output of the drive was recorded, and the modelled torque along the
+motion is used instead. As a function of the position error, it shows the gain and delay of the control loop, and the
+error beyond which the drive reduces its output. A wrong mass in the model changes the gain, but not this error.
 """
 
 from __future__ import annotations

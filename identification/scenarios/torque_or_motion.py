@@ -13,7 +13,7 @@ from identification.data.recording import Recording
 from identification.notes import Code, Note
 from identification.scenarios.gains import with_estimated_gains
 from identification.scenarios.held_references import with_held_references
-from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+from identification.scenarios.motion_only import commanded_robot, with_commanded_torque
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
@@ -37,7 +37,7 @@ def torque_or_motion(
         LogError: If a recording has neither torque nor references, or some have a torque and others none.
     """
     if motion_only:
-        return motion_robot(robot), read(False), True
+        return commanded_robot(robot), read(False), True
     try:
         return robot, read(True), False
     except NoTorqueError as refusal:
@@ -51,7 +51,7 @@ def torque_or_motion(
         measured = [one.file for one in recordings if one.tau is not None]
         if measured:
             raise LogError(f"{refusal} {measured[0]} has one: diagnose them apart.") from refusal
-        return motion_robot(robot), recordings, True
+        return commanded_robot(robot), recordings, True
 
 
 def driven_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
@@ -73,16 +73,16 @@ def driven_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tu
 def _with_one_note(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
     """The recordings with a single note on their torque, in the first one, instead of one note in each recording.
 
-    Notes that differ only in the name of the file are removed. The remaining note states how many were removed.
+    The remaining note states how many notes were removed, which differ only in the name of the file.
     """
     first, *others = recordings
     shared = next((note for note in first.notes if note.code is Code.MOTION_ONLY), None)
     if shared is None:
         return recordings
-    kept = tuple(replace(one, notes=tuple(n for n in one.notes if not _same(n, shared))) for one in others)
-    removed = sum(len(before.notes) - len(after.notes) for before, after in zip(others, kept, strict=True))
+    without_note = tuple(replace(one, notes=tuple(n for n in one.notes if not _same(n, shared))) for one in others)
+    removed = sum(len(before.notes) - len(after.notes) for before, after in zip(others, without_note, strict=True))
     notes = tuple(note.with_numbers(more=removed) if note is shared and removed else note for note in first.notes)
-    return (replace(first, notes=notes), *kept)
+    return (replace(first, notes=notes), *without_note)
 
 
 def _same(one: Note, other: Note) -> bool:

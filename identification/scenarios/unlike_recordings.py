@@ -1,4 +1,4 @@
-"""Doubts all findings if the given model fits only some recordings, as if the robot carried a load in the others."""
+"""Lowers the probability of all findings if the given model fits only some recordings, as with a load in the others."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from identification.engine import contract_levels
 from identification.notes import Code, Note
 from phantom_dyn.array_types import Array, Float
 
-# A recording counts as fitted only if its modelled torque is at least this share of that in the other recordings: with
-# less torque, a gap that is proportional to torque might not be visible.
-_AS_MUCH = 0.5
+# A recording counts as fitted only from this share of the modelled torque in the other recordings: with less torque, a
+# gap that is proportional to torque might not be visible.
+_LEAST_TORQUE_SHARE = 0.5
 
 
-def doubted_if_unlike(problem: Problem, judgement: Judgement) -> Judgement:
+def with_unlike_recordings(problem: Problem, judgement: Judgement) -> Judgement:
     """The judgement, with a note and less probable findings if the given model fits only some of the recordings.
 
     A finding acts in all recordings, so it would also show in the recordings that the model fits.
@@ -42,10 +42,6 @@ def _unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
     The model fits a recording if its residual may be noise on every joint. The recording counts only if, on the joints
     with a gap, its modelled torque is large enough for this gap to be visible. There is no note if the findings explain
     all recordings, or if the user states what changed between them.
-
-    Args:
-        problem: Robot and recordings.
-        judgement: Verdict and noise of each joint.
     """
     session = problem.session
     stated = bool(session.differences.effects)
@@ -59,7 +55,8 @@ def _unlike_notes(problem: Problem, judgement: Judgement) -> tuple[Note, ...]:
     gap = residual_rms > contract_levels.FLOORS_LEFT * allowed
     misfits = [k for k in logs if gap[k].any()]
     most = np.max(np.where(gap, torque_rms, 0.0), axis=0)
-    fits = [k for k in logs if (residual_rms[k] <= allowed).all() and (torque_rms[k] >= _AS_MUCH * most).all()]
+    has_torque = (torque_rms >= _LEAST_TORQUE_SHARE * most).all(axis=1)
+    fits = [k for k in logs if has_torque[k] and (residual_rms[k] <= allowed).all()]
     if not fits or not misfits:
         return ()
     joints = tuple(joint for j, joint in enumerate(session.robot.joint_names) if gap[:, j].any())

@@ -30,7 +30,7 @@ from identification.rollout.simulated_models import LEAD, Model, known_causes, m
 from identification.stages import Announcement, Progress, Stage
 from identification.viewing.corrections import Correction
 from identification.viewing.torque_curves import TorqueCurves, full_colour, relative_residuals, torque_curves
-from identification.words.diagnosis_words import effect_at, joints_words
+from identification.words.diagnosis_words import joints_words, placed_effect
 from identification.words.effect_words import is_between_joints, words_of
 from identification.words.note_words import sentences
 from identification.words.user_words import user_words
@@ -295,7 +295,7 @@ def replay_of(
         full=full,
         horizon_s=motion.horizon_s,
         corrections=_corrections(correction, robot),
-        notes=(*fault_warnings((recording,)), *sentences(recording.said), *motion.notes),
+        notes=(*fault_warnings((recording,)), *sentences(recording.remarks), *motion.notes),
     )
 
 
@@ -336,7 +336,7 @@ def _named(places: list[EffectAt]) -> str:
     """An effect with all its joints, such as ``Coulomb friction on joints j1 and j2``."""
     joints = [at.joint for at in places if at.joint is not None]
     if len(joints) < 2 or is_between_joints(places[0].effect):
-        return ", ".join(map(effect_at, places))
+        return ", ".join(map(placed_effect, places))
     return f"{words_of(places[0]).name} on {joints_words(joints)}"
 
 

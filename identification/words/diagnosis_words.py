@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 UNDECIDED = 0.5  # probability below which a finding is called undecided
 
-SURENESS = (
+CERTAINTY = (
     (0.99, "practically certain"),
     (0.9, "very likely"),
     (0.7, "likely"),
@@ -42,7 +42,7 @@ def in_recording(recording: str | None) -> str:
     return "" if recording is None else f" in {recording}"
 
 
-def growth_words(finding: Finding) -> str:
+def ratio_words(finding: Finding) -> str:
     """``, where it is 2.1 times what it is in the other recordings``; empty if the ratio is not known."""
     # Some effects have a parameter ``ratio`` of their own, which does not compare recordings.
     own = "ratio" in words_of(finding).parameters
@@ -82,7 +82,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
     return FindingWords(
         what=f"The recording shows {_shown(finding)}.",
         where=regime_sentence(finding.regime),
-        how_sure=f"This is {sureness(finding.probability)}; it accounts for {of_the_gap(finding)}.",
+        how_sure=f"This is {certainty_words(finding.probability)}; it accounts for {share_of_gap_words(finding)}.",
         what_else=f"{capital(rivals)}.",
         what_next=_next_step(finding, next_experiment or {}),
     )
@@ -92,7 +92,7 @@ def _shown(finding: Finding) -> str:
     """Effect, size, place and meaning, as in ``a payload of 2 kg: a mass that the model does not carry``."""
     words, size = words_of(finding), _size(finding)
     where = f" {on_place(finding.effect, finding.joint)}" if finding.joint is not None else ""
-    where += in_recording(finding.recording) + growth_words(finding)
+    where += in_recording(finding.recording) + ratio_words(finding)
     if _is_less(finding):
         return f"{words.less}{where}, {size}"
     if size.startswith(":"):  # the size is a clause of its own
@@ -153,12 +153,12 @@ def joints_words(names: list[str]) -> str:
     return f"{'joint' if len(names) == 1 else 'joints'} {joined(names)}"
 
 
-def effect_at(at: EffectAt) -> str:
+def placed_effect(at: EffectAt) -> str:
     """An effect with its place, as in ``a payload`` or ``Coulomb friction on joint j2``."""
     return _with_place(words_of(at).name, at)
 
 
-def effect_at_finding(finding: Finding) -> str:
+def placed_finding(finding: Finding) -> str:
     """A finding with its place, as in ``viscous friction on joint j1``."""
     return _with_place(finding_name(finding), finding)
 
@@ -174,7 +174,7 @@ def rivals_words(finding: Finding) -> str:
     parts: list[tuple[str, float]] = []
     for rival in finding.rivals:
         together = " together" if len(rival.effects) > 1 else ""
-        parts.append((joined([effect_at(at) for at in rival.effects]) + together, rival.probability))
+        parts.append((joined([placed_effect(at) for at in rival.effects]) + together, rival.probability))
     outside = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
     if outside >= contract_levels.LISTED:
         parts.append(("a cause outside the catalogue", outside))
@@ -184,14 +184,14 @@ def rivals_words(finding: Finding) -> str:
     return "it may instead be " + ", or ".join(f"{words} ({percent(probability)})" for words, probability in ranked)
 
 
-def sureness(probability: float) -> str:
+def certainty_words(probability: float) -> str:
     """A probability in words and as a number; below one half it is called undecided."""
-    words = next((words for least, words in SURENESS if probability >= least), "undecided")
+    words = next((words for least, words in CERTAINTY if probability >= least), "undecided")
     return f"{words} ({percent_short_of_all(probability)})"
 
 
 def share_words(share: float, interval: tuple[float, float]) -> str:
-    """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without the interval if its ends look the same.
+    """A share with its 95 % interval, as ``83 % (80 to 86 %)``; without the interval if its ends are printed alike.
 
     Shares are limited to 100 %: a residual below the noise floor closes no further part of the gap.
     """
@@ -203,11 +203,11 @@ def share_words(share: float, interval: tuple[float, float]) -> str:
     return f"{own} ({least.removesuffix(f'{NO_BREAK}%')} to {most})"
 
 
-def share_of_gap(finding: Finding | PoseFinding) -> str:
+def finding_share(finding: Finding | PoseFinding) -> str:
     """Share of the gap that a finding closes, averaged over all orders in which findings are added (Shapley value).
 
-    If that average is not known, the words state the share of the gap that comes back without the finding. The average
-    may be negative although the finding closes a part of the gap when it is added last.
+    If it is not known, the words state the share of the gap that the finding closes if it is added last. The average
+    may be negative although that share is not.
     """
     if finding.share is None:
         return share_words(finding.gap_closed, finding.gap_closed_interval)
@@ -218,10 +218,10 @@ def share_of_gap(finding: Finding | PoseFinding) -> str:
     return f"none{_ON_AVERAGE}, {percent_short_of_all(finding.gap_closed)} if added last"
 
 
-def of_the_gap(finding: Finding | PoseFinding, whole: str = "the gap") -> str:
+def share_of_gap_words(finding: Finding | PoseFinding, whole: str = "the gap") -> str:
     """``71 % of the gap``; with a negative share ``none of the gap on average, 2 % if added last``."""
-    share, on_average, rest = share_of_gap(finding).partition(_ON_AVERAGE)
-    return f"{share} of {whole}{on_average}{rest}"
+    share, on_average, remainder = finding_share(finding).partition(_ON_AVERAGE)
+    return f"{share} of {whole}{on_average}{remainder}"
 
 
 def shown_parameters(finding: Finding) -> dict[str, Value]:

@@ -98,8 +98,8 @@ def regime_sentence(regime: str | None) -> str:
     if not words:
         return ""
     verbs = {"repeating": "repeats", "drifting": "drifts"}
-    verb, _, rest = words.partition(" ")
-    return f"It {verbs[verb]} {rest}." if verb in verbs else f"It shows {words}."
+    verb, _, remainder = words.partition(" ")
+    return f"It {verbs[verb]} {remainder}." if verb in verbs else f"It shows {words}."
 
 
 def size_words(finding: Finding) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
-from identification.words.diagnosis_words import capital, joined, of_the_gap, share_of_gap, sureness
+from identification.words.diagnosis_words import capital, certainty_words, finding_share, joined, share_of_gap_words
 from identification.words.note_words import sentences as note_sentences
 from identification.words.numbers_and_names import NO_BREAK, number, value_words
 from identification.words.verdict_words import headline
@@ -28,7 +28,7 @@ EFFECTS = {
 def verdict_sentences(diagnosis: Diagnosis) -> str:
     """The verdict in a few sentences: on the torques if there are any, then on the poses if there are any."""
     torques = [] if diagnosis.poses_alone else [headline(diagnosis.with_torque_verdict)]
-    return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
+    return " ".join([*torques, *([] if diagnosis.geometry is None else geometry_sentences(diagnosis.geometry))])
 
 
 def all_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
@@ -61,7 +61,7 @@ def small_words(value: float, unit: str) -> str:
     return f"{number(factor * value)} {name}"
 
 
-def size_words(one: Number) -> str:
+def number_words(one: Number) -> str:
     """A number with its standard deviation, lengths in mm and angles in mrad."""
     factor, name = _SMALL.get(one.unit, (1.0, one.unit))
     return value_words(Value(factor * one.value, factor * one.std, name))
@@ -69,20 +69,20 @@ def size_words(one: Number) -> str:
 
 def finding_at(finding: PoseFinding) -> str:
     """Effect, joint and sizes, as in ``a zero error of j2 of 2.0 ± 0.1 mrad``."""
-    at = f"{EFFECTS[finding.effect]} of {carrier(finding.effect, finding.joint)}"
+    at = f"{EFFECTS[finding.effect]} of {place_of(finding.effect, finding.joint)}"
     if finding.effect == ELASTIC:
-        return f"{at} ({sizes_words(finding)})"
-    return f"{at}{', by' if finding.effect in PLACES else ' of'} {sizes_words(finding)}"
+        return f"{at} ({finding_sizes(finding)})"
+    return f"{at}{', by' if finding.effect in PLACES else ' of'} {finding_sizes(finding)}"
 
 
-def carrier(effect: str, joint: str | None) -> str:
+def place_of(effect: str, joint: str | None) -> str:
     """Place of an effect: a joint, the base, or the target on a frame."""
     if effect == TOOL_POSE:
         return f"the target on {joint}"
     return "the base" if joint is None else joint
 
 
-def sizes_words(finding: PoseFinding) -> str:
+def finding_sizes(finding: PoseFinding) -> str:
     """Sizes of a finding: the stiffness of an elasticity, the components of a wrong place, or the offset of a zero."""
     if finding.effect == ELASTIC:
         compliance = finding.parameters["compliance"]
@@ -90,8 +90,8 @@ def sizes_words(finding: PoseFinding) -> str:
         stiffness = Value(1.0 / compliance.value, compliance.std / compliance.value**2, unit)
         return f"stiffness {value_words(stiffness)}"
     if finding.effect in PLACES:
-        return joined([f"{size_words(one)} {_along(name)}" for name, one in finding.parameters.items()])
-    return size_words(finding.parameters["offset"])
+        return joined([f"{number_words(one)} {_along(name)}" for name, one in finding.parameters.items()])
+    return number_words(finding.parameters["offset"])
 
 
 def _stiffness_unit(compliance: str) -> str:
@@ -107,19 +107,19 @@ def _along(name: str) -> str:
 
 def place_words(place: Place) -> str:
     """Effect and joint of a rival, with axes if it is a wrong place."""
-    at = f"{EFFECTS[place.effect]} of {carrier(place.effect, place.joint)}"
+    at = f"{EFFECTS[place.effect]} of {place_of(place.effect, place.joint)}"
     if place.effect not in PLACES:
         return at
     return f"{at} {joined([_along(name) for name in place.parameters])}"
 
 
-def sentences(found: GeometryResult) -> list[str]:
+def geometry_sentences(found: GeometryResult) -> list[str]:
     """Sentences on the errors of the measured frames, their causes, and the errors that remain."""
-    return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *note_sentences(found.notes)]
+    return [_gap_sentence(found), *_cause_sentences(found), *_delay_sentences(found), *note_sentences(found.notes)]
 
 
 def _gap_sentence(found: GeometryResult) -> str:
-    """How far the measured frames are from where the given model has them."""
+    """Distance of the measured frames from their poses in the given model."""
     said: list[str] = []
     for frame in found.frames:
         size = f"{small_words(frame.rms_before, frame.unit)} (rms)"
@@ -133,19 +133,20 @@ def _gap_sentence(found: GeometryResult) -> str:
 def _cause_sentences(found: GeometryResult) -> list[str]:
     """The findings and their rivals, and the error that remains with them."""
     if not found.findings:
-        return [_nothing(found)]
+        return [_why_no_finding(found)]
     largest = found.findings[0]
-    out = [f"{capital(finding_at(largest))} explains {of_the_gap(largest, 'the error')}{_rivals(largest)}."]
+    out = [f"{capital(finding_at(largest))} explains {share_of_gap_words(largest, 'the error')}{_rivals(largest)}."]
     if len(found.findings) > 1:
-        others = [f"{finding_at(one)} ({share_of_gap(one)}{_rivals(one)})" for one in found.findings[1:]]
+        others = [f"{finding_at(one)} ({finding_share(one)}{_rivals(one)})" for one in found.findings[1:]]
         out.append(f"Besides, {joined(others)}.")
-    left = [f"{small_words(f.rms_after, f.unit)} of a noise of {_floor(f)}" for f in found.frames]
+    remaining_errors = [f"{small_words(f.rms_after, f.unit)} of a noise of {_floor(f)}" for f in found.frames]
     more = {
         "explained": "",
         "partly_explained": "; part of it is still unexplained",
         "unknown": "; it depends on the posture in a way that no zero, place or elasticity explains",
     }
-    return [*out, f"With {'it' if len(found.findings) == 1 else 'them'}, {joined(left)} is left{more[found.verdict]}."]
+    subject = "it" if len(found.findings) == 1 else "them"
+    return [*out, f"With {subject}, {joined(remaining_errors)} is left{more[found.verdict]}."]
 
 
 def _floor(frame: FrameGap) -> str:
@@ -154,7 +155,7 @@ def _floor(frame: FrameGap) -> str:
     return f"{limit}{small_words(frame.noise_floor, frame.unit)}"
 
 
-def _nothing(found: GeometryResult) -> str:
+def _why_no_finding(found: GeometryResult) -> str:
     """Why the poses gave no finding."""
     if found.verdict == "no_gap":
         noise = joined([_floor(frame) for frame in found.frames])
@@ -174,14 +175,14 @@ def _rivals(finding: PoseFinding) -> str:
         return ""
     others = [joined([place_words(place) for place in rival.places]) for rival in finding.rivals]
     named = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
-    return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(named)}"
+    return f", {certainty_words(finding.probability)}; these poses do not separate it from {' or '.join(named)}"
 
 
-def _late_sentences(found: GeometryResult) -> list[str]:
+def _delay_sentences(found: GeometryResult) -> list[str]:
     """Sentences on files whose poses are delayed by more than three standard deviations."""
-    seen = [late for late in found.delays if abs(late.delay) > 3 * late.std]
+    late_files = [late for late in found.delays if abs(late.delay) > 3 * late.std]
     return [
         f"In {late.file} poses are stamped {1e3 * abs(late.delay):.3g}{NO_BREAK}ms "
         f"{'later' if late.delay > 0 else 'earlier'} than joint positions; this was corrected."
-        for late in seen
+        for late in late_files
     ]

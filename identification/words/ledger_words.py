@@ -1,4 +1,4 @@
-"""Sentences on why an effect was named or not named, from the ledger of a diagnosis (the list of all claims)."""
+"""Sentences on why an effect was named or not, from the ledger of a diagnosis (the list of all claims)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from identification.diagnosis.result import Diagnosis, EffectAt
 from identification.engine.claims import Claim, Data, GateResult
-from identification.words.diagnosis_words import capital, effect_at, joined
+from identification.words.diagnosis_words import capital, joined, placed_effect
 from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import number, percent, percent_short_of_all, with_unit
 from phantom_dyn.errors import UsageError
@@ -110,7 +110,7 @@ def nearest_claims(diagnosis: Diagnosis) -> tuple[ClaimWords, ...]:
     """Texts on the five unnamed effects that would close most of the gap."""
     others = [claim for claim in diagnosis.ledger if claim.outcome in ("displaced", "not_claimed")]
     others.sort(key=lambda claim: -_share_alone(claim))
-    return tuple(_of_claim(diagnosis, claim) for claim in others[:_NEAREST])
+    return tuple(_claim_words(diagnosis, claim) for claim in others[:_NEAREST])
 
 
 def _known(diagnosis: Diagnosis) -> tuple[tuple[str, str | None], ...]:
@@ -128,12 +128,12 @@ def _words_on(diagnosis: Diagnosis, effect: str, joint: str | None) -> tuple[Cla
     claims = [
         claim for claim in diagnosis.ledger if any((at.effect, at.joint) == (effect, joint) for at in claim.effects)
     ]
-    return tuple(_of_claim(diagnosis, claim) for claim in claims) or (_without_claim(diagnosis, effect, joint),)
+    return tuple(_claim_words(diagnosis, claim) for claim in claims) or (_without_claim(diagnosis, effect, joint),)
 
 
 def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> ClaimWords:
     """Text on an effect that is not in the ledger."""
-    name = effect_at(EffectAt(effect, joint))
+    name = placed_effect(EffectAt(effect, joint))
     of_poses = diagnosis.geometry
     bounds = (*diagnosis.bounds, *(of_poses.bounds if of_poses else ()))
     bounds = [one for one in bounds if (one.effect, one.joint) == (effect, joint)]
@@ -152,9 +152,9 @@ def _without_claim(diagnosis: Diagnosis, effect: str, joint: str | None) -> Clai
     )
 
 
-def _of_claim(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> ClaimWords:
+def _claim_words(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> ClaimWords:
     """Text on one claim of the ledger."""
-    name = joined([effect_at(at) for at in claim.effects])
+    name = joined([placed_effect(at) for at in claim.effects])
     if claim.judged_by == "poses" and not diagnosis.poses_alone:
         name += " (judged by the measured poses)"
     lines = tuple(gate_line(result) for result in claim.gates)
@@ -188,7 +188,7 @@ def _rival_probability(diagnosis: Diagnosis, claim: Claim[EffectAt]) -> float:
 
 def _instead(claim: Claim[EffectAt], probability: float) -> str:
     """Clause on the effects that displaced a claim; ``probability`` is that of the claim as their rival."""
-    others, failed = joined([effect_at(at) for at in claim.instead]), claim.failed
+    others, failed = joined([placed_effect(at) for at in claim.instead]), claim.failed
     several = len(claim.instead) > 1 or "parameters" in others  # ``inertial parameters`` are a plural, too
     more = claim.figures.get("floors_more", math.nan)
     if not math.isfinite(more):  # the effect that replaced it is not named either
@@ -247,6 +247,6 @@ def _share_alone(claim: Claim[EffectAt]) -> float:
     return closes if math.isfinite(closes) else -math.inf
 
 
-def listed(every: Iterable[ClaimWords]) -> str:
+def claims_text(every: Iterable[ClaimWords]) -> str:
     """Texts on several claims, with blank lines between them."""
     return "\n\n".join(map(str, every))

@@ -1,7 +1,4 @@
-"""Copies the texts of a user's own effects into the result of a diagnosis.
-
-A report is written from the result alone, when the user's code may not be loaded.
-"""
+"""Copies the texts of a user's own effects into the result of a diagnosis, from which alone a report is written."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Sentences on the verdict: causes that explain the gap, the part that remains, and causes that cannot be excluded."""
+"""Sentences on the verdict: causes that explain the gap, the part that remains, and causes that are not ruled out."""
 
 from __future__ import annotations
 
 from itertools import product
 
 from identification.diagnosis.decision_rules import ORDINARY_SHARE
-from identification.diagnosis.judge.verdict import may_hide_gap, ordinary_effects_hide, torques_may_be_noise
+from identification.diagnosis.judge.verdict import may_hide_gap, ordinary_effects_may_hide, torques_may_be_noise
 from identification.diagnosis.result import (
     Adjusted,
     Diagnosis,
@@ -19,13 +19,13 @@ from identification.notes import Code, Note
 from identification.words.diagnosis_words import (
     UNDECIDED,
     capital,
-    effect_at,
     finding_name,
     in_recording,
     joined,
     joints_words,
     on_place,
     place,
+    placed_effect,
 )
 from identification.words.effect_words import is_between_joints, is_shared, regime_words
 from identification.words.numbers_and_names import number, percent, percent_short_of_all
@@ -81,7 +81,7 @@ def _short_verdict(diagnosis: Diagnosis, letters: int) -> str:
         return f"{begins[diagnosis.verdict]} {len(diagnosis.findings)} causes."
     if diagnosis.verdict == "no_gap":
         return _verdict_alone(diagnosis)
-    if diagnosis.verdict == "not_testable" and (_open_joints(diagnosis) or _of_unknown_noise(diagnosis)):
+    if diagnosis.verdict == "not_testable" and (_undecided_joints(diagnosis) or _joints_of_unknown_noise(diagnosis)):
         return "This recording does not show whether there is a gap."
     if diagnosis.verdict == "not_testable":
         return f"This recording cannot show {'an ordinary' if diagnosis.bounds else 'a'} gap: nothing was found."
@@ -92,14 +92,14 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence, without faults of the recording."""
     names = [_named(kinds, diagnosis) for kinds in grouped(diagnosis)]
     named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
-    left = left_over(diagnosis)
+    residual_words = residual_phrase(diagnosis)
     if diagnosis.verdict == "explained":
         return f"The gap between robot and model is explained by {named or 'what was adjusted'}."
     if diagnosis.verdict == "partly_explained":
-        return f"Part of the gap between robot and model is explained by {named}; {left}."
+        return f"Part of the gap between robot and model is explained by {named}; {residual_words}."
     if diagnosis.verdict == "unknown":
         found = f" ({named} found, but not enough)" if names else ""
-        return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
+        return f"There is a gap between robot and model that the catalogue does not explain{found}: {residual_words}."
     if diagnosis.verdict == "no_gap":
         beyond = "noise, what drives and slow joints may leave," if _joints_above_noise(diagnosis) else "noise"
         return f"The model fits the robot: nothing was found beyond {beyond} and the tolerances that the model states."
@@ -115,28 +115,29 @@ def _not_testable(diagnosis: Diagnosis) -> str:
             "This recording cannot show a gap at all: on every joint the noise is as large as the torque. Check that "
             "the positions and the torques stand in the right columns, or record with less noise."
         )
-    if open_joints := _open_joints(diagnosis):
-        one = max(open_joints, key=_of_torque)
+    if open_joints := _undecided_joints(diagnosis):
+        one = max(open_joints, key=_residual_share)
         return (
             f"This recording does not show whether there is a gap: on {joints_words([one.joint])} "
-            f"{percent(_of_torque(one))} of the torque is left. Noise may make it, or friction where the joint stands, "
-            "creeps or turns about, but a gap may as well. Record motion that stands less and turns about faster."
+            f"{percent(_residual_share(one))} of the torque is left. Noise may make it, or friction where the joint "
+            "stands, creeps or turns about, but a gap may as well. Record motion that stands less and turns about "
+            "faster."
         )
-    if unknown := _of_unknown_noise(diagnosis):
-        least_known = max(unknown, key=_hidden_by_noise)
+    if unknown := _joints_of_unknown_noise(diagnosis):
+        least_known = max(unknown, key=_largest_noise_share)
         return (
             "This recording does not show whether there is a gap: the noise of "
             f"{joints_words([gap.joint for gap in unknown])} is not known, as there are too few samples, the sampling "
             "rate is too low to see noise above so fast a motion, the readings were filtered, or the noise grows "
             "towards the frequencies of the motion. "
-            f"Up to {percent(_hidden_by_noise(least_known))} of the torque may be noise or a gap. "
+            f"Up to {percent(_largest_noise_share(least_known))} of the torque may be noise or a gap. "
             "Record for longer, at a higher rate, and readings as the sensors give them, or repeat the motion."
         )
     if known := [bound for bound in diagnosis.bounds if bound.of_torque is not None]:
         least = min(known, key=lambda bound: bound.of_torque or 0.0)
         return (
             "This recording cannot show an ordinary gap: nothing was found, but even the effect that shows best, "
-            f"{effect_at(EffectAt(least.effect, least.joint, words=least.words))}, would have been seen only from "
+            f"{placed_effect(EffectAt(least.effect, least.joint, words=least.words))}, would have been seen only from "
             f"{percent(least.of_torque or 0.0)} of the torque on. Record faster motion in more postures, or less noise."
         )
     return (
@@ -163,8 +164,8 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
     joints = [gap.joint for gap in diagnosis.joints]
     by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
     for finding in diagnosis.findings:
-        # Findings on no joint or on several joints are not grouped. The name of a finding below the modelled value
-        # differs from that of other findings, so that the two are not grouped either.
+        # Findings on no joint or on several joints are not grouped. A finding below the modelled value has another
+        # name, so that it is not grouped with those above.
         several = is_between_joints(finding.effect) or (is_shared(finding.effect) and "+" in (finding.joint or ""))
         alone = finding.joint is None or several
         by_effect.setdefault((finding_name(finding), finding.recording, alone), []).append(finding)
@@ -201,7 +202,7 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
 
 
 def reservations(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on causes that the verdicts ``no_gap`` and ``explained`` cannot exclude, and on changed tolerances."""
+    """Sentences on causes that ``no_gap`` and ``explained`` do not rule out, and on changes within tolerances."""
     closed = closed_by_tolerances(diagnosis)
     by_tolerances = (
         [] if closed is None else [f"Changes within the tolerances close {percent_short_of_all(closed)} of the gap."]
@@ -231,11 +232,11 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
     if diagnosis.verdict == "no_gap" and _joints_above_noise(diagnosis):
-        one = max(_joints_above_noise(diagnosis), key=_of_torque)
+        one = max(_joints_above_noise(diagnosis), key=_residual_share)
         out.append(
             f"On {joints_words([one.joint])} {one.rms_after / one.noise_floor:.1f} times its noise floor is left, "
-            f"{percent(_of_torque(one))} of its torque: the drive may make it, or friction where the joint stands, "
-            "creeps or turns about."
+            f"{percent(_residual_share(one))} of its torque: the drive may make it, or friction where the joint "
+            "stands, creeps or turns about."
         )
     return out
 
@@ -262,24 +263,24 @@ def _not_judged(diagnosis: Diagnosis) -> list[str]:
     return out
 
 
-def _open_joints(diagnosis: Diagnosis) -> list[JointGap]:
+def _undecided_joints(diagnosis: Diagnosis) -> list[JointGap]:
     """Joints with a large residual that may be noise, friction or a gap."""
     return [gap for gap in diagnosis.joints if may_hide_gap(gap) and gap.noise_is_known]
 
 
-def _of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:
+def _joints_of_unknown_noise(diagnosis: Diagnosis) -> list[JointGap]:
     """Joints whose unknown noise is the only reason why the verdict is not ``no_gap``; else empty."""
-    if torques_may_be_noise(diagnosis.joints) or ordinary_effects_hide(diagnosis.bounds):
+    if torques_may_be_noise(diagnosis.joints) or ordinary_effects_may_hide(diagnosis.bounds):
         return []
     return [gap for gap in diagnosis.joints if gap.hold_out_samples and not gap.noise_is_known and gap.rms_torque]
 
 
-def _hidden_by_noise(gap: JointGap) -> float:
+def _largest_noise_share(gap: JointGap) -> float:
     """The largest residual of a joint that may be noise, as a share of its torque."""
     return gap.allowed / gap.rms_torque if gap.rms_torque else 0.0
 
 
-def _of_torque(gap: JointGap) -> float:
+def _residual_share(gap: JointGap) -> float:
     """RMS residual of a joint as a share of its torque; zero if the torque is not known."""
     return gap.rms_after / gap.rms_torque if gap.rms_torque else 0.0
 
@@ -328,31 +329,31 @@ def hidden_words(change: Adjusted) -> str:
     return f"a change of {change.quantity} of more than {100 * change.hides.size:.0f} %"
 
 
-def left_over(diagnosis: Diagnosis) -> str:
+def residual_phrase(diagnosis: Diagnosis) -> str:
     """Phrase on the unexplained residual: events with their times, joints above their noise floor, and structure."""
-    left, parts = diagnosis.unexplained, []
-    if left.times:
-        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_MOST_TIMES]])
-        more = f" and {len(left.times) - _MOST_TIMES} more times" if len(left.times) > _MOST_TIMES else ""
+    unexplained, parts = diagnosis.unexplained, []
+    if unexplained.times:
+        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in unexplained.times[:_MOST_TIMES]])
+        more = f" and {len(unexplained.times) - _MOST_TIMES} more times" if len(unexplained.times) > _MOST_TIMES else ""
         # A residual with structure is named with its joint below; events may be on other joints.
-        where = "" if left.structured else f" on {place('', left.joint)}"
+        where = "" if unexplained.structured else f" on {place('', unexplained.joint)}"
         parts.append(f"something acts{where} from {times}{more} that nothing in the motion predicts")
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
     above = [gap for gap in above if not gap.only_given_fits] or above
-    if left.structured:
-        parts.append(unexplained_phrase(left))
+    if unexplained.structured:
+        parts.append(unexplained_phrase(unexplained))
     elif above:
         worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)
         floors = f"{number(worst.rms_after / worst.noise_floor, 2)} times its noise floor"
         where = joints_words([worst.joint])
         parts.append(f"on {where} {floors} is left, without structure that another effect could explain")
     elif not parts:
-        parts.append(_strays_unseen(diagnosis) or _no_sound_size(diagnosis) or unexplained_phrase(left))
+        parts.append(_stray_phrase(diagnosis) or _implausible_size_phrase(diagnosis) or unexplained_phrase(unexplained))
     return "; ".join(parts)
 
 
-def _strays_unseen(diagnosis: Diagnosis) -> str:
-    """Phrase on a gap that only the simulated motion shows, where the verdict is ``unknown``; else empty."""
+def _stray_phrase(diagnosis: Diagnosis) -> str:
+    """Phrase on a gap that only the simulated motion shows, if the verdict is ``unknown``; else empty."""
     strays = (diagnosis.rollout or {}).get("strays", {})
     if diagnosis.verdict != "unknown" or not strays:
         return ""
@@ -364,13 +365,12 @@ def _strays_unseen(diagnosis: Diagnosis) -> str:
     )
 
 
-def _no_sound_size(diagnosis: Diagnosis) -> str:
+def _implausible_size_phrase(diagnosis: Diagnosis) -> str:
     """Names of findings whose size no sound robot has; empty if there are none."""
     notes = [note for note in diagnosis.notes if isinstance(note, Note)]
     places = {(note.numbers["effect"], note.joint) for note in notes if note.code is Code.IMPLAUSIBLE_SIZE}
-    odd = [
-        effect_at(EffectAt(one.effect, one.joint)) for one in diagnosis.findings if (one.effect, one.joint) in places
-    ]
+    implausible = [one for one in diagnosis.findings if (one.effect, one.joint) in places]
+    odd = [placed_effect(EffectAt(one.effect, one.joint)) for one in implausible]
     odd += [f"the friction on {note.joint}" for note in notes if note.code is Code.FRICTION_DRIVES]
     if not odd:
         return ""

@@ -45,8 +45,8 @@ class _Handler:
 def interruptible() -> Iterator[None]:
     """Context in which Ctrl-C, SIGTERM and a closed terminal raise `Interrupted`.
 
-    Signals for which the process has its own handler keep this handler. Outside of this context, SIGTERM would leave
-    temporary files and processes.
+    Signals for which the process has its own handler keep it. Without this context, SIGTERM would leave temporary files
+    and processes.
     """
     # Only the main thread may set a handler. Signals that are ignored remain ignored.
     if threading.current_thread() is not threading.main_thread():

@@ -199,7 +199,7 @@ def true_robot_and_motion(robot: Robot, motion: Motion, found: tuple[FoundEffect
     return robot, motion
 
 
-def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
+def friction_torque_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
     """Part of the drive torque that overcomes friction, by the model and by effects of friction in the last fit."""
     return sum((_torque_of(operation, one) for one in found if one.effect.rubs), operation.own_friction)
 

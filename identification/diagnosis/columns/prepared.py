@@ -20,7 +20,7 @@ from identification.diagnosis.columns.known_geometry import (
 from identification.diagnosis.columns.terms import KnownEffect
 from identification.geometry.measured import has_poses
 from identification.geometry.pins import KnownPlaces
-from identification.notes import Said
+from identification.notes import Remark
 from identification.regression.triangular import one_blas_thread
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
@@ -51,7 +51,7 @@ class Prepared:
     with_poses: tuple[Recording, ...]
     places: KnownPlaces | None
     files: tuple[str, ...]
-    notes: tuple[Said, ...]
+    notes: tuple[Remark, ...]
     started: float
 
 
@@ -90,7 +90,7 @@ def prepared(
     fitted, withheld = (
         tuple(one for one in some if not one.poses_alone) for some in (recordings[:count], recordings[count:])
     )
-    notes: tuple[Said, ...] = ()
+    notes: tuple[Remark, ...] = ()
     if not changes:  # stated differences hold for whole recordings, so these are not shortened
         notes = tuple(note_on_length(one) for one in (*fitted, *withheld) if is_long(one))
         fitted, withheld = (tuple(part for one in some for part in stretches(one)) for some in (fitted, withheld))

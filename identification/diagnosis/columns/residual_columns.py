@@ -26,7 +26,7 @@ from identification.diagnosis.columns.motion.standstill import (
     usable_samples,
 )
 from identification.diagnosis.columns.operations import (
-    friction_with,
+    friction_torque_with,
     operation_of,
     true_robot_and_motion,
     with_expected_torque,
@@ -274,7 +274,7 @@ def _assembled(
         # Friction includes that of the last fit.
         tuple(
             np.maximum(
-                standstill_std(log, friction_sign_unknown(robot, log), friction_with(operation, found)),
+                standstill_std(log, friction_sign_unknown(robot, log), friction_torque_with(operation, found)),
                 held_std(robot, log, residual),
             )
             for log, operation, residual in zip(session.logs, given.operations, given.residual, strict=True)

@@ -9,7 +9,7 @@ import numpy as np
 from identification.diagnosis.columns.terms import Term, untestable_effects
 from identification.diagnosis.fit.gap import measured_torque, residual_sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.moved_by_noise import noise_may_imitate
+from identification.diagnosis.judge.strong_motion import noise_may_imitate
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.claims import least_gain
@@ -90,9 +90,8 @@ def detection_limits(
             size = max(size, 1.0 / share if share > 0.0 else 0.0)
         why = None
         if by_shape:
-            # The size of a play is the shape of its law, and ``size`` is the least coefficient of the law that would be
-            # seen. A real play may make less torque than its law: even the lower bound of the coefficient has to be
-            # seen.
+            # The size of a play is the shape of its law, and ``size`` is the least visible coefficient. A real play may
+            # make less torque than its law, so even the lower bound of the coefficient has to be visible.
             if not size < term.lower[0]:
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
         elif size < _largest_size(problem, energy, term, direction):
@@ -177,7 +176,7 @@ class _Probe:
 def _probe(
     problem: Problem, operation: Operation, term: Term, effect: Effect, base: Array, inverse: Float[Array, "n n"]
 ) -> _Probe:
-    """The probe of an effect; ``base`` and ``inverse`` as in `_information`."""
+    """The probe of an effect; ``base`` and ``inverse`` are those of `_information`."""
     name, direction = effect.probe(problem.session.robot, operation, term.joint)
     # Of several orders of a cogging torque, the first has size one and the others zero.
     direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
@@ -217,7 +216,7 @@ def _detectable_deviations(search: Search, term: Term, by_block: Float[Array, " 
 
 
 def _least_gain_over_blocks(by_block: Float[Array, " B"], needed: float) -> float:
-    """Least gain at which an effect passes the gate `in_enough_blocks`, which offers three ways to pass.
+    """Least gain at which an effect passes the gate `in_enough_blocks`, which has three alternative tests.
 
     Args:
         by_block: Information on the size of the effect in each block, ``(B,)``.
@@ -245,7 +244,7 @@ def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
 def _information(
     problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
 ) -> tuple[float, Float[Array, " n"]]:
-    """Fisher information on the size of an effect, and what the columns ``base`` compensate of the effect at size one.
+    """Fisher information on the size of an effect, and the coefficients of other columns that compensate it best.
 
     Args:
         problem: Products of columns.
@@ -255,7 +254,7 @@ def _information(
         inverse: Covariance of their coefficients.
 
     Returns:
-        The information, and the coefficients of the columns ``base``.
+        The information, and the coefficients of the columns ``base`` at size one.
     """
     a = problem.total_a
     own = list(term.columns)

@@ -2,7 +2,7 @@
 
 A burst is an event that the state of the robot does not predict: a push, a contact, a cable that catches. The expected
 variance is the sum of the noise, the error of the model, which grows with the modelled torque, and the uncertain
-friction of joints that stand still, creep or reverse. So a large residual at a large torque need not be a burst.
+friction of joints that stand still, creep or reverse.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from phantom_dyn.array_types import Array, Bool, Float, Int
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.model.robot import Robot
 
-# Bursts of different joints within this time [s] count as one.
-_CLOSE = 0.1
+# Bursts of different joints count as one unless they are this far apart in time [s].
+_APART = 0.1
 # Time [s] to exclude before and after a burst, because filters spread it.
 _MARGIN = 0.2
 # A mean over a window needs at least this share of the window to be usable.
@@ -36,7 +36,7 @@ _FILLED = 0.6
 # Bursts of a joint are searched for if it has at least this many usable samples.
 _LEAST_SAMPLES = 50
 # Degrees of freedom of Student's t distribution, with which variances are fitted so that events have little weight.
-_FREEDOM = 4.0
+_DEGREES_OF_FREEDOM = 4.0
 _STEPS = 60  # steps of the fit of variances
 # A variance is estimated from the samples of other folds, and noise from calm samples. If there are fewer than this,
 # all usable samples are taken.
@@ -53,19 +53,19 @@ class _Event(NamedTuple):
     ratio: float
 
 
-def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst, ...]:
+def bursts_of(problem: Problem, residual: Series, friction_variance: Series) -> tuple[Burst, ...]:
     """Bursts in all recordings, in the order of time.
 
     Args:
         problem: Columns and blocks.
         residual: Residual of each log with the chosen effects in the model, in the judged band.
-        doubt: Variance of the friction of each log's joints that stand still, creep or reverse, in the judged band.
+        friction_variance: Variance of the friction of each log's joints that stand still, creep or reverse.
     """
     session, columns, out = problem.session, problem.columns, []
     above_band = np.sqrt(torque_above_band(problem, reading_noise(session)))
     modelled, measured = comparison_torque(problem, columns.model_torque), measured_in_fit_band(problem)
     for k, log in enumerate(session.logs):
-        expected = _expected_errors(problem, k, residual[k], doubt[k], modelled[k])
+        expected = _expected_errors(problem, k, residual[k], friction_variance[k], modelled[k])
         # Near invalid samples and the ends of a recording, filters have no measured samples on one side.
         reach = int(log.band.output_rate_hz / session.cutoff_hz) + 1
         outside = np.pad(~log.valid_in_band, reach, constant_values=True)
@@ -88,7 +88,7 @@ def _expected_errors(
     problem: Problem,
     k: int,
     residual: Float[Array, "n nv"],
-    doubt: Float[Array, "n nv"],
+    friction_variance: Float[Array, "n nv"],
     modelled: Float[Array, "n nv"],
 ) -> Float[Array, "n nv"]:
     """Expected standard deviation of each sample of one log's residual; infinite on joints without usable samples.
@@ -97,7 +97,7 @@ def _expected_errors(
         problem: Columns and blocks.
         k: Index of the log.
         residual: Residual of the log.
-        doubt: Variance of the friction of joints that stand still, creep or reverse.
+        friction_variance: Variance of the friction of joints that stand still, creep or reverse.
         modelled: Modelled torque.
     """
     session, usable = problem.session, problem.columns.usable[k]
@@ -109,7 +109,8 @@ def _expected_errors(
     out = np.full(residual.shape, np.inf)
     for j in np.flatnonzero(usable.any(axis=0)):
         torque = moving_torque(modelled[:, j], rate, session.cutoff_hz)
-        out[:, j] = expected_error(residual[:, j], Causes(doubt[:, j], torque, reversals[:, j]), usable[:, j], fold)
+        causes = Causes(friction_variance[:, j], torque, reversals[:, j])
+        out[:, j] = expected_error(residual[:, j], causes, usable[:, j], fold)
     return out
 
 
@@ -140,10 +141,10 @@ def distinct_bursts(
 ) -> tuple[Burst, ...]:
     """The bursts that are not just peaks of a gap, which leaves a residual above the noise at other times as well.
 
-    A burst on a joint with a gap has to exceed the root mean square residual at other times by `BURST_RATIO`. It need
-    not be the only residual above the noise, because a push also spoils the fit of the other samples. A burst on any
-    joint has to exceed the residual of each joint with a gap, because the unmodelled torque of one joint may act on
-    others with at most its own size.
+    A burst on a joint with a gap has to exceed the root mean square residual at other times by `BURST_RATIO`; that
+    residual may be above the noise, because a push also spoils the fit of other samples. A burst on any joint has to
+    exceed the residual of each joint with a gap, because the unmodelled torque of one joint may act on others with at
+    most its own size.
 
     Args:
         bursts: Bursts in all recordings.
@@ -200,7 +201,7 @@ def bursts_in(
     # A push on the last link acts on all joints. It is kept once, on the joint with the largest ratio.
     out: list[_Event] = []
     for event in sorted(found, key=lambda one: -one.ratio):
-        if all(event.stop < kept.start - _CLOSE or event.start > kept.stop + _CLOSE for kept in out):
+        if all(event.stop < kept.start - _APART or event.start > kept.stop + _APART for kept in out):
             out.append(event)
     return tuple(sorted(out, key=lambda one: one.start))
 
@@ -208,10 +209,9 @@ def bursts_in(
 def _events_in(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
     """First and last sample of each event on one joint, and its largest mean over a window.
 
-    Events are found one after the other, the largest first. Each is removed with its flanks before the next search,
-    because windows beside it contain a part of it. An event counts only if it exceeds the largest level at all other
-    times by `BURST_TIMES`. Otherwise the noise itself varies, as does the response of a controller to the steps of its
-    encoder in a log with a low rate.
+    Events are found one after the other, the largest first. Each is removed with its flanks before the next search. An
+    event counts only if it exceeds the largest level at all other times by `BURST_TIMES`. Otherwise the noise itself
+    varies, as does the response of a controller to the steps of its encoder in a log with a low rate.
 
     Args:
         relative: Unexplained torque, divided by its expected standard deviation, ``(n,)``.
@@ -379,7 +379,7 @@ def _variance_coefficients(
     out = np.maximum(least, 0.01 * known.min() / largest)
     for _ in range(_STEPS):
         variance = known + parts @ out
-        weight = (_FREEDOM + 1.0) / (_FREEDOM + residual**2 / variance)
+        weight = (_DEGREES_OF_FREEDOM + 1.0) / (_DEGREES_OF_FREEDOM + residual**2 / variance)
         increasing = (weight * residual**2 / variance**2) @ parts
         decreasing = np.maximum((1.0 / variance) @ parts, 1e-300)
         out = np.maximum(out * np.sqrt(increasing / decreasing), least)

@@ -59,12 +59,12 @@ def coarse_rounding(
     results = []
     for one in coarse:
         in_band = mean_square(problem.session.in_judged_band(one.usual_low_pass)) / floor**2
-        # The judged band ends where rounding conceals the motion, but rounding may matter above that band, too.
+        # The judged band ends where rounding conceals the motion, but rounding may matter above it, too.
         all_frequencies = mean_square(one.usual_low_pass) / np.maximum(mean_square(noise), 1e-300)
         results.append((one, rounding_matters(float(np.max([in_band, all_frequencies])))))
-    kept = tuple(one for one, result in results if result.passed)
-    energy = [mean_square(problem.session.in_judged_band(one.torque)) for one in kept]
-    return CoarseRounding(kept, np.array(energy).reshape(len(kept), len(floor)), tuple(results))
+    significant = tuple(one for one, result in results if result.passed)
+    energy = [mean_square(problem.session.in_judged_band(one.torque)) for one in significant]
+    return CoarseRounding(significant, np.array(energy).reshape(len(significant), len(floor)), tuple(results))
 
 
 def coarse_findings(

@@ -1,4 +1,4 @@
-"""Samples of motion and torque of all recordings, for figures of a report and to find a formula of the torque left."""
+"""Samples of motion and torque of all recordings, for figures of a report and for a formula of the residual."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.evidence import Evidence
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.judged_band import JudgedBand
 from identification.diagnosis.judge.regimes import regime_split
 from phantom_dyn.array_types import Array, Float
 
 
 def evidence_of(
-    judge: Judge,
+    judged: JudgedBand,
     given: Series,
     after: Series,
     without: tuple[Series, ...],
@@ -20,13 +20,13 @@ def evidence_of(
     """Samples of all recordings in one series, with a second between two recordings.
 
     Args:
-        judge: Recordings and the judged band.
+        judged: Recordings and the judged band.
         given: Residual of the given model for each log, in the judged band; it shows in which regimes of motion the gap
             occurs.
         after: Torque of the corrected model for each log.
         without: For each finding, torque for each log of the corrected model without this finding.
     """
-    problem, columns, logs = judge.problem, judge.problem.columns, judge.problem.session.logs
+    problem, columns, logs = judged.problem, judged.problem.columns, judged.problem.session.logs
 
     def in_band(series: Series) -> Float[Array, "N nv"]:
         return np.concatenate(problem.session.in_judged_band(series))

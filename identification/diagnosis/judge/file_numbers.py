@@ -1,7 +1,7 @@
 """Numbers for the files of the corrected model: sizes of effects and changes within tolerance, from the same fit.
 
-The report lists only changes within tolerance that clearly differ from zero. The corrected model needs all of them: the
-size of an effect that was fitted together with a change of a mass is wrong without that change.
+The report lists only changes within tolerance that clearly differ from zero. The corrected model needs all of them: an
+effect that was fitted together with a change of a mass has the wrong size without that change.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from identification.diagnosis.columns.tolerance_parameters import ARRIVAL, BASE,
 from identification.diagnosis.fit.full_fit import FullFit, full_fit
 from identification.diagnosis.fit.gap import judged_blocks, sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Adjusted, FittedNumbers, Value
@@ -20,7 +20,7 @@ from identification.diagnosis.result import Adjusted, FittedNumbers, Value
 _Sizes = dict[tuple[str, str | None], dict[str, Value]]
 
 
-def fitted_numbers(shown: Shown) -> tuple[FittedNumbers, ...]:
+def fitted_numbers(shown: ShownEffects) -> tuple[FittedNumbers, ...]:
     """Sets of numbers for the corrected model, each from one fit; the sizes in the report come from the first set.
 
     The corrected model contains no structures without a name (fitted torques that match no effect of the catalogue). If

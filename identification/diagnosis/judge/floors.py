@@ -1,9 +1,9 @@
 """Noise floor of each joint in the judged band, with its interval and its source.
 
-If a recording shows the noise of the sensors, the floor is the torque that this noise makes. Otherwise it is the part
-of the torque that flexible predictors cannot predict from the state, with the source ``none``. That is only an upper
-limit of the noise, because predictors also miss a part of the effects that are searched for. So a joint whose floor has
-this source is never called free of a gap.
+If a recording shows the noise of the sensors, the floor is the torque that this noise makes. Otherwise its source is
+``none``, and it is the part of the torque that flexible predictors cannot predict from the state. That is an upper
+limit of the noise, because predictors also miss a part of the effects that are searched for. So such a joint is never
+called free of a gap.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Floor:
             torque inside the band, else ``predictors``, an upper limit. `floor_by_sensors` replaces these two by
             ``sensors`` if the recording shows the noise of the sensors, else by ``none``.
         discrepancy: Error of a sound model on each joint, root mean square, ``(nv,)``; None before `floor_by_sensors`.
-        in_doubt: Residual where friction is uncertain, by which ``high`` was increased, root mean square, ``(nv,)``;
-            None: ``high`` was not increased.
+        uncertain_friction: Residual where friction is uncertain, root mean square, ``(nv,)``; ``high`` includes it.
+            None counts as zero.
     """
 
     value: Float[Array, " nv"]
@@ -52,14 +52,14 @@ class Floor:
     high: Float[Array, " nv"]
     source: tuple[str, ...]
     discrepancy: Float[Array, " nv"] | None = None
-    in_doubt: Float[Array, " nv"] | None = None
+    uncertain_friction: Float[Array, " nv"] | None = None
 
     @property
     def predictable(self) -> Float[Array, " nv"] | None:
         """Largest predictable part of each joint's residual with a sound model, ``(nv,)``; None: not known."""
-        if self.discrepancy is None or self.in_doubt is None:
+        if self.discrepancy is None or self.uncertain_friction is None:
             return self.discrepancy
-        return np.hypot(self.discrepancy, self.in_doubt)
+        return np.hypot(self.discrepancy, self.uncertain_friction)
 
     @property
     def allowed(self) -> Float[Array, " nv"]:
@@ -86,13 +86,13 @@ def floor_by_predictors(
     problem: Problem,
     noise: Series,
     residual: Series,
-    doubt: Series,
+    friction_variance: Series,
     encoders: Float[Array, " nv"] | None = None,
 ) -> Floor:
     """Noise floor of each joint in the judged band, from the torque that flexible predictors do not predict.
 
-    The first value is the residual of these predictors on held-out blocks, with an interval by block bootstrap. It is
-    an upper limit, because it contains events that nothing predicts. Then it is corrected in this order:
+    The first value is the residual of these predictors on held-out blocks, with an interval by block bootstrap. It
+    contains events that nothing predicts, so it is an upper limit. It is corrected in this order:
 
     1. White noise of the torque readings above the band is extrapolated into the band. If the lower end of the interval
        is more than `SENSOR_TIMES` times the upper end of this noise, the noise replaces value and interval. If the two
@@ -114,7 +114,7 @@ def floor_by_predictors(
         problem: Recordings, blocks and columns.
         noise: Residual of flexible predictors of each log's torque.
         residual: Residual of each log with the chosen effects in the model, in the judged band.
-        doubt: Variance of the friction torque of joints that stand still, creep or reverse.
+        friction_variance: Variance of the friction torque of joints that stand still, creep or reverse.
         encoders: Torque that the noise of the encoders causes in the judged band, ``(nv,)``; None: not known.
     """
     from scipy.special import ndtri
@@ -135,17 +135,17 @@ def floor_by_predictors(
     sensors, source = reading_noise(session), []
     aliased = _aliased_torque(problem, sensors)
     # Step 1: white noise above the band.
-    for j, seen in enumerate(sensors):
-        if seen is None:
+    for j, white in enumerate(sensors):
+        if white is None:
             source.append(PREDICTORS)
             continue
         least, most = (
-            np.sqrt(density * session.cutoff_hz + encoder_noise[j] ** 2) for density in (seen.low, seen.high)
+            np.sqrt(density * session.cutoff_hz + encoder_noise[j] ** 2) for density in (white.low, white.high)
         )
         plausible = np.hypot(np.hypot(most, aliased[j]), np.sqrt(fair_part.ACCURACY) * torque[j])
         if min(low[j], unexplained[j]) > rules.SENSOR_TIMES * plausible:
             # Sensor noise is not several times larger in the band than above it, so the rest is a gap.
-            value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
+            value[j] = np.sqrt(white.value * session.cutoff_hz + encoder_noise[j] ** 2)
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
@@ -158,13 +158,13 @@ def floor_by_predictors(
     standstill = zip(problem.columns.usable, problem.columns.standstill_std, strict=True)
     free = tuple(use & (std == 0.0) for use, std in standstill)
     counts = tuple(sample_weights(problem, k) for k in range(len(residual)))
-    for j, seen in enumerate(repetition_noise(session, residual, free, counts)):
-        if seen is None:
+    for j, repetition in enumerate(repetition_noise(session, residual, free, counts)):
+        if repetition is None:
             continue
-        reach = float(np.exp(ndtri(1.0 - outside / 200.0) * seen.error))
-        least, most = seen.value / reach, seen.value * reach
+        reach = float(np.exp(ndtri(1.0 - outside / 200.0) * repetition.error))
+        least, most = repetition.value / reach, repetition.value * reach
         if min(low[j], unexplained[j]) > np.hypot(most, np.sqrt(fair_part.ACCURACY) * torque[j]):
-            value[j], low[j], high[j] = seen.value, least, most
+            value[j], low[j], high[j] = repetition.value, least, most
         if least <= high[j]:
             # If not, the repetitions differ by more than the upper limit: something drifts between them, which is
             # predictable. Then they do not show the noise.
@@ -172,9 +172,10 @@ def floor_by_predictors(
     # Step 4: derivatives and filters have errors, however small the noise of the sensors is.
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     # Step 5: uncertain friction.
-    wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    uncertain = uncertain_squares(problem, session.in_judged_band(noise), residual, doubt, value, wide)
-    return Floor(value, low, np.sqrt(high**2 + uncertain), tuple(source), in_doubt=np.sqrt(uncertain))
+    high_ratio = np.maximum(high / value, contract_levels.FLOORS_LEFT)
+    noise_in_band = session.in_judged_band(noise)
+    uncertain = uncertain_squares(problem, noise_in_band, residual, friction_variance, value, high_ratio)
+    return Floor(value, low, np.sqrt(high**2 + uncertain), tuple(source), uncertain_friction=np.sqrt(uncertain))
 
 
 def _usual_size(problem: Problem, noise: Series) -> Float[Array, " nv"]:
@@ -229,38 +230,39 @@ def uncertain_squares(
     problem: Problem,
     noise: Series,
     residual: Series,
-    doubt: Series,
+    friction_variance: Series,
     floor: Float[Array, " nv"],
-    wide: Float[Array, " nv"],
+    high_ratio: Float[Array, " nv"],
 ) -> Float[Array, " nv"]:
     """Part of each joint's mean square residual from samples whose friction is uncertain by more than the floor.
 
     The residual of such a sample counts up to two standard deviations of its friction. The result is zero on a joint
-    whose residual is too large also where friction is certain (above ``wide`` times the noise): then uncertain friction
-    is not the cause. Samples have the same weights as in the figures of a gap.
+    whose residual exceeds ``high_ratio`` times the noise where friction is certain: then uncertain friction is not the
+    cause. Samples have the same weights as in the figures of a gap.
 
     Args:
         problem: Recordings, blocks and columns.
         noise: Residual of flexible predictors of each log's torque, in the judged band.
         residual: Residual of each log with the chosen effects in the model, in the judged band.
-        doubt: Variance of the friction torque of joints that stand still, creep or reverse.
+        friction_variance: Variance of the friction torque of joints that stand still, creep or reverse.
         floor: Noise floor of each joint, ``(nv,)``.
-        wide: Upper end of each joint's floor divided by the floor, at least `FLOORS_LEFT`, ``(nv,)``.
+        high_ratio: Upper end of each joint's floor divided by the floor, at least `FLOORS_LEFT`, ``(nv,)``.
     """
     out = np.zeros(len(floor))
     weights = tuple(sample_weights(problem, k) for k in range(len(residual)))
     for j in range(len(floor)):
         use = np.concatenate([use[:, j] for use in problem.columns.usable])
         error, noise_of_joint, variance, weight = (
-            np.concatenate([part[:, j] for part in series])[use] for series in (residual, noise, doubt, weights)
+            np.concatenate([part[:, j] for part in series])[use]
+            for series in (residual, noise, friction_variance, weights)
         )
-        sure = variance <= floor[j] ** 2
-        enough = np.count_nonzero(sure) >= max(rules.SURE_SHARE * len(sure), 1.0)
+        certain = variance <= floor[j] ** 2
+        enough = np.count_nonzero(certain) >= max(rules.SURE_SHARE * len(certain), 1.0)
         if enough:
-            noise_square = max(np.mean(noise_of_joint[sure] ** 2), floor[j] ** 2)
-            if np.mean(error[sure] ** 2) > wide[j] ** 2 * noise_square:
+            noise_square = max(np.mean(noise_of_joint[certain] ** 2), floor[j] ** 2)
+            if np.mean(error[certain] ** 2) > high_ratio[j] ** 2 * noise_square:
                 continue
-        uncertain = weight[~sure] @ np.minimum(error[~sure] ** 2, 4.0 * variance[~sure])
+        uncertain = weight[~certain] @ np.minimum(error[~certain] ** 2, 4.0 * variance[~certain])
         out[j] = uncertain / max(weight.sum(), 1e-300)
     return out
 
@@ -279,7 +281,7 @@ def reading_noise(session: Session) -> list[Density | None]:
 
 @dataclass(frozen=True)
 class SensorFloors:
-    """Noise of the sensors and error of a sound model; both are the same whatever effects are chosen.
+    """Noise of the sensors and error of a sound model; neither depends on the chosen effects.
 
     Attributes:
         floor: Noise of the sensors on each joint in the judged band.
@@ -307,7 +309,7 @@ def sensor_floors(problem: Problem) -> SensorFloors:
 
 
 def floor_by_sensors(
-    floor: Floor, sensed: SensorFloors, problem: Problem, noise: Series, residual: Series, doubt: Series
+    floor: Floor, of_sensors: SensorFloors, problem: Problem, noise: Series, residual: Series, friction_variance: Series
 ) -> Floor:
     """The floor of each joint from the noise of its sensors, with the error of a sound model (discrepancy).
 
@@ -319,13 +321,13 @@ def floor_by_sensors(
 
     Args:
         floor: Floor from repetitions and predictors.
-        sensed: Noise of the sensors.
+        of_sensors: Noise of the sensors.
         problem: Recordings, blocks and columns.
         noise: Residual of flexible predictors of each log's torque.
         residual: Residual of each log with the chosen effects in the model, in the judged band.
-        doubt: Variance of the friction torque of joints that stand still, creep or reverse.
+        friction_variance: Variance of the friction torque of joints that stand still, creep or reverse.
     """
-    by_sensors = sensed.floor
+    by_sensors = of_sensors.floor
     repeated = np.array([source == REPETITIONS for source in floor.source])
     known = by_sensors.known & ~repeated
     taken = known & (by_sensors.value < floor.value)
@@ -334,24 +336,23 @@ def floor_by_sensors(
     value = np.where(taken & ~agree, by_sensors.value, floor.value)
     low = np.where(taken, by_sensors.low, floor.low)
     high = np.where(taken, by_sensors.high, floor.high)
-    high = np.where(taken, np.hypot(high, rules.MODEL_SHARE * sensed.torque), high)
-    wide = np.maximum(high / value, contract_levels.FLOORS_LEFT)
-    uncertain = uncertain_squares(problem, problem.session.in_judged_band(noise), residual, doubt, value, wide)
+    high = np.where(taken, np.hypot(high, rules.MODEL_SHARE * of_sensors.torque), high)
+    high_ratio = np.maximum(high / value, contract_levels.FLOORS_LEFT)
+    noise_in_band = problem.session.in_judged_band(noise)
+    uncertain = uncertain_squares(problem, noise_in_band, residual, friction_variance, value, high_ratio)
     high = np.where(taken, np.sqrt(high**2 + uncertain), high)
     # Joints with noise that is not white: the floor of the predictors is too large for a sound joint with white noise,
     # but possible with noise whose density rises towards the motion.
-    of_drive = drive_noise(problem.session.robot, sensed.torque)
-    beyond = floor.value > np.hypot(np.maximum(high, of_drive), sensed.discrepancy)
+    of_drive = drive_noise(problem.session.robot, of_sensors.torque)
+    beyond = floor.value > np.hypot(np.maximum(high, of_drive), of_sensors.discrepancy)
     coloured = taken & beyond & (floor.value <= by_sensors.limit_if_rising)
     known, taken = known & ~coloured, taken & ~coloured
     value = np.where(coloured, floor.value, value)
     low = np.where(coloured, floor.low, low)
     high = np.where(coloured, floor.high, high)
     source = tuple(np.where(repeated, REPETITIONS, np.where(known, SENSORS, NONE)).tolist())
-    in_doubt = np.where(taken, np.sqrt(uncertain), 0.0 if floor.in_doubt is None else floor.in_doubt)
-    return replace(
-        floor, value=value, low=low, high=high, source=source, discrepancy=sensed.discrepancy, in_doubt=in_doubt
-    )
+    previous = 0.0 if floor.uncertain_friction is None else floor.uncertain_friction
+    return Floor(value, low, high, source, of_sensors.discrepancy, np.where(taken, np.sqrt(uncertain), previous))
 
 
 def judged_weights(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:

@@ -17,7 +17,7 @@ from phantom_dyn.array_types import Array, Float
 
 
 @dataclass(frozen=True)
-class Judge:
+class JudgedBand:
     """Problem and noise floor of the judged band.
 
     Attributes:
@@ -33,7 +33,7 @@ class Judge:
     discrepancy: Float[Array, " nv"] | None = None
 
     @property
-    def sound(self) -> Float[Array, " nv"]:
+    def sound_residual(self) -> Float[Array, " nv"]:
         """Root mean square residual of each joint with a sound model: noise and discrepancy, ``(nv,)``."""
         return self.floor if self.discrepancy is None else np.hypot(self.floor, self.discrepancy)
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from identification.diagnosis.columns.motion.standstill import uncertain_friction_variance
-from identification.diagnosis.columns.operations import friction_with
+from identification.diagnosis.columns.operations import friction_torque_with
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, merged
 from identification.diagnosis.explanation import Explanation
@@ -25,9 +25,9 @@ from identification.diagnosis.judge.bursts import bursts_of, distinct_bursts
 from identification.diagnosis.judge.coarse_encoders import CoarseRounding, coarse_findings, coarse_rounding
 from identification.diagnosis.judge.evidence_samples import evidence_of
 from identification.diagnosis.judge.file_numbers import fitted_numbers
-from identification.diagnosis.judge.findings.bench import Bench, Residuals, Shown, State
-from identification.diagnosis.judge.findings.findings import FindingWithout, findings_without, size_remarks
-from identification.diagnosis.judge.findings.remaining_gap import beside_remaining_gap
+from identification.diagnosis.judge.findings.findings import FindingWithout, findings_of, size_remarks
+from identification.diagnosis.judge.findings.gate_state import GateContext, LoopState, Residuals, ShownEffects
+from identification.diagnosis.judge.findings.remaining_gap import lowered_by_remaining_gap
 from identification.diagnosis.judge.findings.shown import after_motion_gate, shown_effects
 from identification.diagnosis.judge.findings.sound_sizes import all_plausible
 from identification.diagnosis.judge.floors import (
@@ -38,12 +38,12 @@ from identification.diagnosis.judge.floors import (
     floor_by_sensors,
     sensor_floors,
 )
-from identification.diagnosis.judge.judged_band import Judge, plain_search
+from identification.diagnosis.judge.judged_band import JudgedBand, plain_search
 from identification.diagnosis.judge.ledger import coarse_claims, ledger_of
-from identification.diagnosis.judge.moved_by_noise import largest_predictable_noise, predictable_noise
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.shares import closed_together, residual_sums_with
-from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
+from identification.diagnosis.judge.strong_motion import largest_predictable_noise, predictable_noise
+from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_may_hide, unexplained, verdict
 from identification.diagnosis.noise.discrepancy import drive_noise, slow_samples
 from identification.diagnosis.result import Adjusted, Burst, Hidden, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
@@ -54,12 +54,12 @@ from identification.stages import Announcement, Progress, Stage
 from phantom_dyn.array_types import Array, Bool, Float
 
 # The residual of a joint in a regime is stated if the regime has more than this share of the joint's samples.
-_FEW = 0.01
+_LEAST_REGIME_SHARE = 0.01
 # Standard deviations from the estimate of a hidden payload to its upper limit at 95 %.
-_DEVIATIONS = 2.0
+_UPPER_LIMIT_DEVIATIONS = 2.0
 
 
-def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgement, Shown]:
+def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgement, ShownEffects]:
     """Gap, findings, detection limits and verdict of an explanation, and the effects that are shown, with their fits.
 
     Args:
@@ -76,33 +76,31 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
     if as_given:
         result = replace(result, torque=problem.columns.model_torque, residual=given, whole=given)
         within = before
-    rounding, judge, torque, residual = result.rounding, result.judge, result.torque, result.residual
-    claims = [
-        *findings_without(shown, judge, within),
-        # Without the finding of a coarse encoder the model is the same: rounding changes only the readings.
-        *(FindingWithout(finding, torque) for finding in coarse_findings(session.robot, rounding, within, judge.floor)),
-    ]
+    rounding, judged, torque, residual = result.rounding, result.judged, result.torque, result.residual
+    coarse = coarse_findings(session.robot, rounding, within, judged.floor)
+    # Without the finding of a coarse encoder the model is the same: rounding changes only the readings.
+    claims = [*findings_of(shown, judged, within), *(FindingWithout(finding, torque) for finding in coarse)]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
-    kept = [claim for claim in claims if not claim.minor]
+    major = [claim for claim in claims if not claim.minor]
     after = _without_rounding(residual_sums(problem, residual), rounding.total)
     bursts = _distinct_events(problem, result)
-    structure = unexplained(shown.plain, shown.chosen, judge, residual, result.whole, result.floor.predictable)
+    structure = unexplained(shown.plain, shown.chosen, judged, residual, result.whole, result.floor.predictable)
     predictable = structure.fraction_of_explainable > 0.0
     by_regime = _by_regime(problem, result)
-    joints = joint_gaps(problem, result.floor, before, within, after, by_regime, foreseen=predictable)
+    joints = joint_gaps(problem, result.floor, before, within, after, by_regime, predictable=predictable)
     structure = _with_joint(_with_times(structure, bursts), problem, residual, joints)
-    findings = tuple(beside_remaining_gap(claim.finding, joints) for claim in kept)
-    minor = tuple(beside_remaining_gap(claim.finding, joints) for claim in claims if claim.minor)
+    findings = tuple(lowered_by_remaining_gap(claim.finding, joints) for claim in major)
+    minor = tuple(lowered_by_remaining_gap(claim.finding, joints) for claim in claims if claim.minor)
     progress(Announcement(Stage.BOUNDS))
     bounds, untested = detection_limits(
         merged(problem.columns.operations), search.of(shown.chosen), shown.plain, shown.chosen, result.floor.allowed
     )
     named, minor_effects = (frozenset((one.effect, one.joint) for one in some) for some in (findings, minor))
     moved = any(bool(use.any()) for use in problem.columns.usable)
-    notes, hides = size_remarks(shown), ordinary_effects_hide(bounds)
+    notes, may_hide = size_remarks(shown), ordinary_effects_may_hide(bounds)
     plausible = all_plausible(findings, notes)
     judgement = Judgement(
-        verdict=verdict(joints, findings, structure, moved=moved, hides=hides, plausible=plausible),
+        verdict=verdict(joints, findings, structure, moved=moved, may_hide=may_hide, plausible=plausible),
         joints=joints,
         findings=findings,
         adjusted=() if as_given else with_hidden_payload(adjusted(problem, shown.named_fit), search, shown.chosen),
@@ -110,13 +108,13 @@ def judgement_of(explanation: Explanation, progress: Progress) -> tuple[Judgemen
         bounds=bounds,
         not_testable=tuple(entry for entry in untested if (entry.effect, entry.joint) not in named),
         notes=notes,
-        evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
-        gap=closed_together(judge, within, after),
+        evidence=evidence_of(judged, given, torque, tuple(claim.without for claim in major)),
+        gap=closed_together(judged, within, after),
         minor=minor,
         numbers=() if as_given else fitted_numbers(shown),
         bursts=bursts,
         # The ledger comes last, so that its fits cannot change the last digits of the other results.
-        ledger=(*ledger_of(search, shown, judge, minor_effects), *coarse_claims(search, rounding)),
+        ledger=(*ledger_of(search, shown, judged, minor_effects), *coarse_claims(search, rounding)),
     )
     return judgement, shown
 
@@ -132,7 +130,7 @@ class _ResidualAndFloor:
         friction_variance: Variance of the friction torque of joints that stand still, creep or reverse.
         rounding: Spurious torque of coarse encoders.
         floor: Noise floor of each joint.
-        judge: The same floor, with the problem in the judged band.
+        judged: The same floor, with the problem in the judged band.
     """
 
     torque: Series
@@ -141,16 +139,18 @@ class _ResidualAndFloor:
     friction_variance: Series
     rounding: CoarseRounding
     floor: Floor
-    judge: Judge
+    judged: JudgedBand
 
 
-def _shown_and_residual(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _ResidualAndFloor]:
+def _shown_and_residual(
+    explanation: Explanation, plain: Search, noise: Series
+) -> tuple[ShownEffects, _ResidualAndFloor]:
     """The effects of an explanation that pass all gates of the judge, and the residual with these effects."""
-    sensed = sensor_floors(plain.problem)
+    by_sensors = sensor_floors(plain.problem)
 
     @cache
     def without_predictable_noise(chosen: frozenset[Term]) -> _ResidualAndFloor:
-        return _residual_of(explanation, plain, chosen, noise, sensed)
+        return _residual_of(explanation, plain, chosen, noise, by_sensors)
 
     @cache
     def result_of(chosen: frozenset[Term]) -> _ResidualAndFloor:
@@ -159,7 +159,7 @@ def _shown_and_residual(explanation: Explanation, plain: Search, noise: Series) 
     def over_allowed(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> Float[Array, " nv"]:
         result = without_predictable_noise(chosen)
         size = np.where(joints, residual_sums(plain.problem, result.residual).rms(), 0.0)
-        over_largest_noise = size / result.floor.raised_by(largest_predictable_noise(result.judge)).allowed
+        over_largest_noise = size / result.floor.raised_by(largest_predictable_noise(result.judged)).allowed
         if over_largest_noise.max() > 1.0:
             # There is a gap however large the predictable noise is, so its size, which takes long, is not computed.
             return over_largest_noise
@@ -167,37 +167,31 @@ def _shown_and_residual(explanation: Explanation, plain: Search, noise: Series) 
 
     def has_structure(chosen: frozenset[Term], joints: Bool[Array, " nv"]) -> bool:
         result, names = result_of(chosen), plain.problem.session.robot.joint_names
-        of_sound = result.floor.predictable
-        structure = unexplained(plain, chosen, result.judge, result.residual, result.whole, of_sound, joints)
+        predictable = result.floor.predictable
+        structure = unexplained(plain, chosen, result.judged, result.residual, result.whole, predictable, joints)
         events = _distinct_events(plain.problem, result)
         return structure.structured or any(joints[names.index(event.joint)] for event in events)
 
-    residuals = Residuals(lambda chosen: result_of(chosen).judge, over_allowed, has_structure)
-    bench = Bench(explanation.search, plain, noise, residuals)
-    state = after_motion_gate(bench, State.of(explanation.chosen))
+    residuals = Residuals(lambda chosen: result_of(chosen).judged, over_allowed, has_structure)
+    context = GateContext(explanation.search, plain, noise, residuals)
+    state = after_motion_gate(context, LoopState.of(explanation.chosen))
     result = result_of(state.shown)
     torque = torque_is_there(_torque_over_noise(result))
     if not torque.passed:
         # The measured torque is noise, so that no model can be tested with it.
-        bench.record.add_failed(explanation.chosen, torque)
-        shown = shown_effects(bench, State.of(frozenset()))
-        return shown, replace(result_of(shown.chosen), floor=result.floor, judge=result.judge)
-    bench.record.add_passed(state.shown, torque)
+        context.record.add_failed(explanation.chosen, torque)
+        shown = shown_effects(context, LoopState.of(frozenset()))
+        return shown, replace(result_of(shown.chosen), floor=result.floor, judged=result.judged)
+    context.record.add_passed(state.shown, torque)
     if not state.shown and _above_noise(result) and not explanation.endless:
         # Disturbances above the judged band may have hidden effects inside the band from the search.
-        state = State.of(stepwise_search(plain, lambda _: None))
-    shown = shown_effects(bench, state)
+        state = LoopState.of(stepwise_search(plain, lambda _: None))
+    shown = shown_effects(context, state)
     return shown, result_of(shown.chosen)
 
 
 def _fits_as_given(result: _ResidualAndFloor, given: ResidualSums, within: ResidualSums) -> bool:
-    """True if the residual of the given model may be noise, and is smaller than that of the adjusted model.
-
-    Args:
-        result: Gives the noise floor.
-        given: Residual of the given model.
-        within: Held-out residual of the model adjusted within its tolerances.
-    """
+    """True if the residual of the given model may be noise, and is smaller than that of the adjusted model (within)."""
     equal_weights, floor = np.ones((1, len(given.counts))), result.floor
     smaller = given.loss(floor.value, equal_weights)[0] < within.loss(floor.value, equal_weights)[0]
     return bool(smaller and np.all(given.rms() <= floor.allowed))
@@ -205,18 +199,18 @@ def _fits_as_given(result: _ResidualAndFloor, given: ResidualSums, within: Resid
 
 def _torque_over_noise(result: _ResidualAndFloor) -> float:
     """Largest measured torque of a tested joint, divided by the upper end of the joint's noise floor."""
-    torque = residual_sums(result.judge.problem, measured_torque(result.judge.problem))
+    torque = residual_sums(result.judged.problem, measured_torque(result.judged.problem))
     tested = torque.counts.any(axis=0)
     return float(np.max((torque.rms() / result.floor.high)[tested])) if tested.any() else np.inf
 
 
 def _above_noise(result: _ResidualAndFloor) -> bool:
     """True if the residual of any joint is above the upper end of its noise floor."""
-    return bool(np.any(residual_sums(result.judge.problem, result.whole).rms() > result.floor.high))
+    return bool(np.any(residual_sums(result.judged.problem, result.whole).rms() > result.floor.high))
 
 
 def _residual_of(
-    explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, sensed: SensorFloors
+    explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series, by_sensors: SensorFloors
 ) -> _ResidualAndFloor:
     """Residual with a set of effects in the model, and the noise floor without the predictable part of the noise."""
     problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
@@ -227,11 +221,11 @@ def _residual_of(
         whole = session.in_judged_band(residual_after(problem, predicted))
     friction_variance = _friction_variance(plain, chosen)
     floor = floor_by_predictors(problem, noise, whole, friction_variance, explanation.encoders)
-    floor = floor_by_sensors(floor, sensed, problem, noise, whole, friction_variance)
+    floor = floor_by_sensors(floor, by_sensors, problem, noise, whole, friction_variance)
     rounding = coarse_rounding(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
-    judge = Judge(problem, floor.value, floor.high, floor.discrepancy)
-    return _ResidualAndFloor(torque, residual, whole, friction_variance, rounding, floor, judge)
+    judged = JudgedBand(problem, floor.value, floor.high, floor.discrepancy)
+    return _ResidualAndFloor(torque, residual, whole, friction_variance, rounding, floor, judged)
 
 
 def _with_predictable_noise(
@@ -246,13 +240,13 @@ def _with_predictable_noise(
     Args:
         result: The residual, with the noise floor without this part.
         plain: Plain fits in the judged band.
-        chosen: The effects of the residual.
+        chosen: The effects in the model.
         noise: Noise of each log's torque.
         joints: Joints to whose floor the part is added, ``(nv,)``; None: all.
     """
     size = np.where(True if joints is None else joints, residual_sums(plain.problem, result.whole).rms(), 0.0)
-    floor = result.floor.raised_by(predictable_noise(result.judge, plain, chosen, noise, size))
-    return replace(result, floor=floor, judge=replace(result.judge, highest=floor.high))
+    floor = result.floor.raised_by(predictable_noise(result.judged, plain, chosen, noise, size))
+    return replace(result, floor=floor, judged=replace(result.judged, highest=floor.high))
 
 
 def _friction_variance(plain: Search, chosen: frozenset[Term]) -> Series:
@@ -260,7 +254,7 @@ def _friction_variance(plain: Search, chosen: frozenset[Term]) -> Series:
     columns, session = plain.problem.columns, plain.problem.session
     found = found_effects(plain.held_out_fit(chosen), chosen)
     return tuple(
-        uncertain_friction_variance(session.robot, log, friction_with(operation, found), std)
+        uncertain_friction_variance(session.robot, log, friction_torque_with(operation, found), std)
         for log, operation, std in zip(session.logs, columns.operations, columns.reversal_std, strict=True)
     )
 
@@ -305,7 +299,7 @@ def _by_regime(problem: Problem, result: _ResidualAndFloor) -> tuple[tuple[float
     shares = np.stack([share, 1.0 - share])
     both = np.stack([residual_sums(problem, part).rms() ** 2 for part in (slow_part, moving_part)])
     squares = both / np.maximum(shares, 1e-12) - result.floor.high**2
-    beyond_noise = (shares > _FEW) & (squares > 0.0)
+    beyond_noise = (shares > _LEAST_REGIME_SHARE) & (squares > 0.0)
     return tuple((creeping, moving) for creeping, moving in np.sqrt(np.where(beyond_noise, squares, 0.0)).T.tolist())
 
 
@@ -317,7 +311,7 @@ def joint_gaps(
     after: ResidualSums,
     by_regime: tuple[tuple[float, float], ...] | None = None,
     *,
-    foreseen: bool = False,
+    predictable: bool = False,
 ) -> tuple[JointGap, ...]:
     """Gap of each joint: residuals of the given, the adjusted and the corrected model, with the noise floor.
 
@@ -328,11 +322,11 @@ def joint_gaps(
         within: Residual of the model adjusted within its tolerances.
         after: Residual of the corrected model.
         by_regime: `JointGap.left` of each joint; None: not known.
-        foreseen: True if a flexible model predicts a part of the residual. Then the residual is not noise of drives,
+        predictable: True if a flexible model predicts a part of the residual. Then the residual is not noise of drives,
             and the interval of the floor does not include such noise.
     """
     robot, torque = problem.session.robot, residual_sums(problem, measured_torque(problem)).rms()
-    of_drive = 0.0 if foreseen else drive_noise(robot, torque)
+    of_drive = 0.0 if predictable else drive_noise(robot, torque)
     # The interval of the floor includes noise of drives that their sensors do not show. Floors from repetitions include
     # it already. Gates use the floor without it, because they test torques that are not random.
     highest = np.where(np.array(floor.source) == SENSORS, np.maximum(floor.high, of_drive), floor.high)
@@ -365,7 +359,7 @@ def joint_gaps(
 def with_hidden_payload(changes: tuple[Adjusted, ...], search: Search, chosen: frozenset[Term]) -> tuple[Adjusted, ...]:
     """The changes within tolerance, with the heaviest payload that masses at their limits may conceal together.
 
-    Each mass at its limit may conceal a payload of at most its tolerance. On a linkage several masses share the weight
+    One mass at its limit may conceal a payload of at most its tolerance. On a linkage several masses share the weight
     of a load, so that they may conceal a heavier one. Its largest mass comes from a fit of a payload and the tolerance
     parameters together.
 
@@ -387,7 +381,7 @@ def with_hidden_payload(changes: tuple[Adjusted, ...], search: Search, chosen: f
     # The first column of a payload is its mass.
     column = loads[0].columns[0]
     at = int(np.searchsorted(found.active, column))
-    most = float(found.theta[column]) + _DEVIATIONS * float(np.sqrt(found.cov[at, at]))
+    most = float(found.theta[column]) + _UPPER_LIMIT_DEVIATIONS * float(np.sqrt(found.cov[at, at]))
     if not max(masses.values()) < most < np.inf:
         return changes
     return tuple(replace(one, hides=Hidden("payload", most)) if one in masses else one for one in changes)

@@ -60,8 +60,7 @@ class RegimeSplit:
 def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
     """Distribution of one joint's squared residual over regimes.
 
-    ``one_direction`` is the direction of motion, and ``time_drift`` the half of each recording, with the larger mean
-    square.
+    ``one_direction`` and ``time_drift`` are the direction, and the half of each recording, of the larger mean square.
     """
     columns = problem.columns
     energy, samples, total, count = {}, {}, 0.0, 0

@@ -14,7 +14,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, residual_sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.judged_band import JudgedBand
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Bound, Finding, Hidden, JointGap, Unexplained
@@ -29,10 +29,10 @@ from phantom_dyn.model.robot import Robot
 def verdict(
     joints: tuple[JointGap, ...],
     findings: tuple[Finding, ...],
-    left: Unexplained,
+    structure: Unexplained,
     *,
     moved: bool,
-    hides: bool,
+    may_hide: bool,
     plausible: bool = True,
 ) -> str:
     """The verdict of a diagnosis; it has to agree with the gap of each joint.
@@ -40,24 +40,24 @@ def verdict(
     Args:
         joints: Gap of each joint.
         findings: Named causes.
-        left: The residual that the findings do not explain.
+        structure: The residual that the findings do not explain.
         moved: True if some joint moves in the recording.
-        hides: True if ordinary effects of friction, inertia or drives could be too small to be seen in the noise.
+        may_hide: True if ordinary effects of friction, inertia or drives could be too small to be seen in the noise.
         plausible: False if the size of a finding is implausible, so that the finding may be the wrong cause.
     """
     if not moved or torques_may_be_noise(joints):
         return "not_testable"
-    clean = not left.structured and not left.times
+    clean = not structure.structured and not structure.times
     if not findings:
         if not clean or any(_least_residual(joint) > joint.allowed for joint in joints):
             return "unknown"
         tested = [joint for joint in joints if joint.hold_out_samples]
         no_gap_hidden = all(joint.noise_is_known and not may_hide_gap(joint) for joint in tested)
-        return "no_gap" if no_gap_hidden and not hides else "not_testable"
-    little_structure = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
-    if little_structure and not left.times and all(nearly_closed(joint) for joint in joints):
+        return "no_gap" if no_gap_hidden and not may_hide else "not_testable"
+    little_structure = not structure.structured or structure.fraction_of_explainable < rules.LITTLE_STRUCTURE
+    if little_structure and not structure.times and all(nearly_closed(joint) for joint in joints):
         return "explained" if plausible else "partly_explained"
-    # In units of squared noise floors, noise alone is one. Do the findings close more of the gap than remains?
+    # In units of squared noise floors, noise alone is one: do the findings close more of the gap than remains?
     within = float(np.mean(np.array([joint.tolerated / joint.noise_floor for joint in joints]) ** 2))
     after = float(np.mean(np.array([joint.rms_after / joint.noise_floor for joint in joints]) ** 2))
     return "partly_explained" if after - 1.0 < within - after else "unknown"
@@ -97,7 +97,7 @@ def nearly_closed(joint: JointGap) -> bool:
     return closed or joint.rms_after <= joint.allowed
 
 
-def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
+def ordinary_effects_may_hide(bounds: tuple[Bound, ...]) -> bool:
     """True if no effect of ordinary size, which makes a tenth of the torque, would be seen in this recording.
 
     Detection limits that are not known as a torque do not count.
@@ -109,10 +109,10 @@ def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
 def unexplained(
     plain: Search,
     chosen: frozenset[Term],
-    judge: Judge,
+    judged: JudgedBand,
     residual: Series,
     whole: Series,
-    of_sound: Float[Array, " nv"] | None = None,
+    predictable_if_sound: Float[Array, " nv"] | None = None,
     joints: Bool[Array, " nv"] | None = None,
 ) -> Unexplained:
     """Describes the residual: the part that a flexible regression on the state predicts, with its joint and regime.
@@ -123,14 +123,14 @@ def unexplained(
     Args:
         plain: Plain fits in the judged band.
         chosen: The effects that are shown.
-        judge: Problem and noise floor of the judged band.
+        judged: Problem and noise floor of the judged band.
         residual: Residual with the named effects in the model, in the judged band.
         whole: Residual with all effects in the model, structures without a name included.
-        of_sound: Largest predictable part of each joint's residual with a sound model, root mean square, ``(nv,)``;
-            None: any predictable part counts.
+        predictable_if_sound: Largest predictable part of each joint's residual with a sound model, root mean square,
+            ``(nv,)``; None: any predictable part counts.
         joints: The joints whose residual counts; None: all.
     """
-    floor, problem, session = judge.floor, plain.problem, judge.problem.session
+    floor, problem, session = judged.floor, plain.problem, judged.problem.session
     counted = np.ones(len(floor), dtype=bool) if joints is None else joints
     nameless = frozenset(term for term in chosen if not term.named and counted[list(rows_of_term(problem, term))].any())
     # Here "flexible" is the residual after the flexible regression.
@@ -154,10 +154,10 @@ def unexplained(
     # The error of a sound model is predictable, too, and so is the friction of joints while they stand still or creep.
     counts = np.maximum(sums_after.counts.sum(axis=0), 1e-12)
     predictable = np.sqrt(np.maximum(gains.sum(axis=0), 0.0) / counts) * floor
-    beyond_sound = of_sound is None or bool(np.any(predictable > of_sound))
-    # A structure without a name that lowers no loss in the judged band is none there.
+    beyond_sound = predictable_if_sound is None or bool(np.any(predictable > predictable_if_sound))
+    # A structure without a name counts only if it lowers the loss in the judged band.
     structured = (bool(nameless) and best < after) or bool(beyond_sound and ((large and significant) or most))
-    # What changes within the tolerances explain is no gap.
+    # The part that changes within the tolerances explain is no gap.
     explainable = within - min(best, after)
     fraction = float(np.clip((after - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
     joint, regime = None, None
@@ -165,7 +165,7 @@ def unexplained(
         row = int(np.argmax(gains.sum(axis=0)))
         joint = session.robot.joint_names[row]
         of_structures = (term.effect.regime for term in ordered(nameless) if term.joint == joint)
-        regime = next(of_structures, None) or regime_split(judge.problem, predicted, row).best
+        regime = next(of_structures, None) or regime_split(judged.problem, predicted, row).best
     return Unexplained(fraction, structured, joint, regime)
 
 

@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.diagnosis.input_names import is_frequency, supply_loads
-from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.judge.verdict import torques_may_be_noise
 from identification.diagnosis.law.formula_search import (
     STABLE,
@@ -77,7 +77,7 @@ _SLOW = 0.01  # share of the 90th percentile of the speed below which the sign o
 _NUMBER = r"[-+0-9.eE]+"
 
 
-def with_law(judgement: Judgement, shown: Shown) -> Judgement:
+def with_law(judgement: Judgement, shown: ShownEffects) -> Judgement:
     """The judgement with the inputs on which its structured residual depends, and with the law if one is found.
 
     Args:

@@ -20,7 +20,7 @@ from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.input_names import frequency_of, input_of, is_frequency
-from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.engine.numerics.bounded import solve
 from identification.engine.products.block_products import NuisancePrior
 from identification.engine.products.blocks import Block
@@ -179,7 +179,7 @@ class JointResidual:
         return tuple(name for name in both if name in names)
 
 
-def joint_residual(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> JointResidual:
+def joint_residual(shown: ShownEffects, joint: str, floors: Float[Array, " nv"]) -> JointResidual:
     """Residual of the named effects on a joint, on blocks held out of their fits.
 
     Args:
@@ -281,7 +281,7 @@ def _with_separate_inputs(logs: list[ResidualLog], joint: str) -> tuple[Residual
 
 
 def _nuisances(
-    shown: Shown, row: int, floors: Float[Array, " nv"], residual: Series
+    shown: ShownEffects, row: int, floors: Float[Array, " nv"], residual: Series
 ) -> tuple[Series, NuisancePrior, tuple[Float[Array, " F"], Float[Array, " F"]]]:
     """Columns of the tolerance parameters and findings on one joint, and the prior on their coefficients.
 

@@ -75,7 +75,7 @@ def simplest_effects(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[st
     The result is None if the special case is no effect at all. Shapes are taken as known.
     """
     nearest = nearest_case_at_shape(robot, term, fitted)
-    if nearest is None or differs_from_simpler(nearest[0], something_there=True).passed:
+    if nearest is None or differs_from_simpler(nearest[0], effect_is_certain=True).passed:
         return (term.effect_joint,)
     return tuple((name, term.joint) for name in nearest[1]) or None
 
@@ -157,6 +157,6 @@ def _first_equal_or_nearest(
             continue
         slope = np.stack([(to[k].numbers - case.numbers) / s for to, s in zip(shifted, step, strict=True)], axis=1)
         tested.append((certainty_of_difference(case.numbers, slope @ cov @ slope.T), case.names))
-        if not differs_from_simpler(tested[-1][0], something_there=True).passed:
+        if not differs_from_simpler(tested[-1][0], effect_is_certain=True).passed:
             return tested[-1]
     return min(tested, key=lambda one: one[0], default=None)

@@ -1,7 +1,7 @@
 """Checks files before they are written, by the torque residual that each file has on the recordings.
 
-A file is refused if its residual on any joint is larger than the residual of the given model, or clearly larger than
-the residual that the diagnosis claims for the findings in the file. A note states the reason.
+A file is refused if its residual on any joint is larger than that of the given model, or clearly larger than the
+diagnosis claims for the findings in the file. A note states the reason.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from identification.diagnosis.replay import Replay
 from identification.diagnosis.result import Diagnosis, FittedNumbers
 from identification.diagnosis.written import WrittenFile
 from identification.export.check.file_torques import (
+    ALL_LAWS,
     FEEDFORWARD_FORMAT,
     ISAAC_FORMAT,
-    LAWS,
     MJCF_FORMAT,
     URDF_FORMAT,
     Format,
     LogTorque,
-    holds,
+    contains_effect,
     torque_of_actuators,
     torque_of_feedforward,
     torque_of_mjcf,
@@ -53,7 +53,7 @@ _LEVEL = 0.05
 """Probability that a file that is as good as the given model is refused, over all joints together."""
 _ROUNDING = 1e-6
 """Smaller relative differences of two residuals are rounding errors: laws in files compute in another order."""
-_MORE = 1.2
+_LARGEST_RATIO = 1.2
 """A file is refused if its residual exceeds this factor times the claimed residual plus one noise floor."""
 _FORMATS = {URDF: URDF_FORMAT, MJCF: MJCF_FORMAT, FEEDFORWARD: FEEDFORWARD_FORMAT, ISAAC: ISAAC_FORMAT}
 """Numbers and laws that these files can contain; all other files can contain every law."""
@@ -169,8 +169,8 @@ class FileCheck:
             file: Name of the file.
             text: Text of the file.
         """
-        kind, replay, given = _FORMATS.get(file, LAWS), self.measured.replay, self.corrected.given
-        contained = tuple(one for one in self.effects if holds(kind, self.corrected, one))
+        kind, replay, given = _FORMATS.get(file, ALL_LAWS), self.measured.replay, self.corrected.given
+        contained = tuple(one for one in self.effects if contains_effect(kind, self.corrected, one))
         torques: dict[str, Callable[[], LogTorque]] = {
             YAML: lambda: torque_of_yaml(replay, text, given, self.known),
             URDF: lambda: torque_of_urdf(replay, text, self.corrected, self.config, contained),
@@ -185,9 +185,9 @@ class FileCheck:
         }
         squares, residual = self.measured.residual_of(torques[file]())
         before, residual_before = self.measured.given
-        if self.known and kind is not LAWS:
+        if self.known and kind is not ALL_LAWS:
             before, residual_before = self.measured.residual_of(self._limited_torque(kind, given, self.known))
-        lacking = [one for one in self.found if not holds(kind, self.corrected, one)]
+        lacking = [one for one in self.found if not contains_effect(kind, self.corrected, one)]
         # Effects that only add noise to readings do not lower a residual: they count as missing in every file.
         lacks = any(one in lacking or effect_named(one.effect, given).only_noise for one in self.found)
         return WrittenFile(
@@ -201,7 +201,7 @@ class FileCheck:
 
     def _limited_torque(self, kind: Format, base: Robot, effects: tuple[KnownEffect, ...]) -> LogTorque:
         """Drive torque of a model with effects, as far as this kind of file can contain them."""
-        contained = tuple(one for one in effects if holds(kind, self.corrected, one))
+        contained = tuple(one for one in effects if contains_effect(kind, self.corrected, one))
         part = corrected_model(base, tuple(one for one in effects if one not in contained))
         further_torque = None if kind in (URDF_FORMAT, ISAAC_FORMAT) else (lambda motion: added_torque(part, motion))
         robot = part.robot if kind is not URDF_FORMAT else with_rotors_of(part.robot, self.corrected.given)
@@ -209,8 +209,8 @@ class FileCheck:
 
     def _moves_rotors(self, kind: Format) -> bool:
         """True if rotor inertias were changed within tolerance and the format cannot state them."""
-        moved = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
-        return kind is URDF_FORMAT and moved
+        changed = not np.array_equal(self.estimate.rotor_inertia, self.corrected.given.rotor_inertia)
+        return kind is URDF_FORMAT and changed
 
     def _claimed(self, kind: Format, lacks: bool) -> Float[Array, " nv"]:
         """Residual of each joint that the diagnosis claims for the findings in a file [N m or N]."""
@@ -233,7 +233,7 @@ class FileCheck:
         """
         residual, of_given = rms(squares), rms(before)
         joints = self.diagnosis.joints
-        worse = leaves_more(squares, before)
+        worse = has_larger_residual(squares, before)
         if worse.any():
             j = int(np.argmax(np.where(worse, residual / np.maximum(of_given, 1e-300), 0.0)))
             return (
@@ -242,7 +242,7 @@ class FileCheck:
             )
         floor = np.array([joint.noise_floor for joint in joints])
         wanted = claimed()
-        over = residual > _MORE * wanted + floor
+        over = residual > _LARGEST_RATIO * wanted + floor
         if over.any():
             j = int(np.argmax(np.where(over, residual / np.maximum(wanted, 1e-300), 0.0)))
             return (
@@ -258,11 +258,11 @@ def rms(squares: Float[Array, "2 B nv"]) -> Float[Array, " nv"]:
     return np.sqrt(total[0] / np.maximum(total[1], 1e-300))
 
 
-def leaves_more(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"]) -> Bool[Array, " nv"]:
+def has_larger_residual(squares: Float[Array, "2 B nv"], before: Float[Array, "2 B nv"]) -> Bool[Array, " nv"]:
     """True for joints on which a model has a significantly larger residual than another one.
 
-    The test is Student's t test for the mean difference of squared residuals, which is a ratio of sums over blocks. Its
-    level is 5 % over all joints together.
+    Student's t test of the mean difference of squared residuals (a ratio of sums over blocks), at a level of 5 % over
+    all joints together.
 
     Args:
         squares: Sums of squares of the model's residual, and numbers of samples, by block and joint.
@@ -300,7 +300,7 @@ def passed_files(
     """
     if check is None:
         return texts, tuple(WrittenFile(name, {}, {}) for name in texts if name not in GOES_WITH), ()
-    kept, records, refused = dict(texts), [], []
+    passed, records, refused = dict(texts), [], []
     for name in (YAML, URDF, MJCF, RANDOMISATION, FEEDFORWARD, ISAAC, RESIDUAL):
         if name not in texts:
             continue
@@ -313,12 +313,12 @@ def passed_files(
             record = replace(record, rms_left={}, rms_given={})
         records.append(record)
         if record.refused:
-            del kept[name]
+            del passed[name]
             refused.append(Note(Code.REFUSED, None, {"files": (name,), "problem": record.refused}))
         else:
-            kept[name] = with_header(texts[name], record, check.diagnosis, check.measured.fitted)
+            passed[name] = with_header(texts[name], record, check.diagnosis, check.measured.fitted)
     for name, other in GOES_WITH.items():
-        if name in kept and other not in kept:
-            del kept[name]
+        if name in passed and other not in passed:
+            del passed[name]
             refused.append(Note(Code.NOT_ALONE, None, {"files": (name,), "other": other}))
-    return kept, tuple(records), tuple(refused)
+    return passed, tuple(records), tuple(refused)

@@ -30,7 +30,7 @@ from identification.export.corrected.corrected_model import (
 from identification.export.corrected.corrected_urdf import robot_of_urdf
 from identification.export.corrected.corrected_yaml import known_effects, read_corrected
 from identification.export.corrected.found_effects import robot_within_tolerances
-from identification.export.corrected.given_drives import holds_reference_delay
+from identification.export.corrected.given_drives import can_delay_references
 from identification.export.file_names import ISAAC, RESIDUAL
 from identification.export.model_files.reload import robot_with_urdf
 from identification.export.uses.feedforward import OWN_LAWS, loaded, over_samples
@@ -44,7 +44,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
 
-OF_DRIVES = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})
+DRIVE_NUMBERS = frozenset({"gain", "limit", "delay", "lag", "reference_delay", "gap", "stiffness"})
 """Numbers of an effect that act on the command of the drive or in the transmission, not as an added torque."""
 _URDF = frozenset({"viscous", "coulomb", "robot", "turned", "zero", "limit"})
 _DRIVES = frozenset({"rotor_inertia", "delay"})
@@ -64,7 +64,7 @@ class Format:
     laws: tuple[str, ...] = ()
 
 
-LAWS = Format(None)
+ALL_LAWS = Format(None)
 URDF_FORMAT = Format(_URDF)
 MJCF_FORMAT = Format(_MJCF)
 ISAAC_FORMAT = Format(_URDF | _DRIVES | {"reference_delay"})
@@ -72,7 +72,7 @@ FEEDFORWARD_FORMAT = Format(_MJCF - {"gap", "stiffness", "lag"}, OWN_LAWS)
 """A feedforward treats a lag as a delay, which is only a part of its effect."""
 
 
-def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
+def contains_effect(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
     """True if a file of this kind contains an effect in full.
 
     Args:
@@ -87,7 +87,7 @@ def holds(kind: Format, corrected: CorrectedModel, effect: KnownEffect) -> bool:
     joint = str(effect.joint)
     if kind is MJCF_FORMAT and "reference_delay" in used:
         names = corrected.given.joint_names if effect.joint is None else (joint,)
-        return all(holds_reference_delay(corrected, name) for name in names)
+        return all(can_delay_references(corrected, name) for name in names)
     if not numbers.whole or not used <= kind.numbers:
         return False
     if "zero" in used and kind is not FEEDFORWARD_FORMAT:
@@ -107,7 +107,7 @@ LogTorque = Callable[[int], Float[Array, "N nv"]]
 
 # PyYAML's loader in C is ten times as fast, but some installations do not have it.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_STEPS = 20000
+_MOST_STEPS = 20000
 """Largest number of samples of one recording at which a law that is computed step by step is evaluated. Between them
 the torque is interpolated."""
 
@@ -149,10 +149,10 @@ def torque_of_urdf(
         text: Text of the URDF.
         corrected: The model from which the URDF was built.
         config: The robot's ``robot.yaml``.
-        effects: The findings that the URDF contains. Those that are torque limits are applied by their own law.
+        effects: The findings that the URDF contains. Torque limits are applied by their own law.
     """
     robot = robot_with_urdf(text, robot_of_urdf(corrected), config)
-    return torque_of_model(replay, robot, of_drives(corrected, effects))
+    return torque_of_model(replay, robot, drive_effects(corrected, effects))
 
 
 def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> LogTorque:
@@ -164,17 +164,19 @@ def torque_of_mjcf(replay: Replay, corrected: CorrectedModel, effects: tuple[Kno
         effects: The findings that the MJCF contains. Those on drives and transmissions are applied by their own laws.
     """
     robot = with_zeros_moved(corrected.robot, zeros_in_file(corrected))
-    return torque_of_model(replay, robot, of_drives(corrected, effects), lambda motion: added_torque(corrected, motion))
+    return torque_of_model(
+        replay, robot, drive_effects(corrected, effects), lambda motion: added_torque(corrected, motion)
+    )
 
 
-def of_drives(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
+def drive_effects(corrected: CorrectedModel, effects: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
     """Effects that act on the command of the drive, or between drive and link.
 
     Args:
         corrected: The model.
         effects: The effects to choose from.
     """
-    return tuple(one for one in effects if used_numbers(numbers_of_effect(corrected.given, one)) & OF_DRIVES)
+    return tuple(one for one in effects if used_numbers(numbers_of_effect(corrected.given, one)) & DRIVE_NUMBERS)
 
 
 def torque_of_yaml(replay: Replay, text: str, robot: Robot, known: tuple[KnownEffect, ...]) -> LogTorque:
@@ -213,9 +215,9 @@ def torque_of_randomisation(replay: Replay, text: str, robot: Robot, known: tupl
 def torque_of_feedforward(replay: Replay, code: str, robot: Robot) -> LogTorque:
     """Drive torque of a ``feedforward.py``, which is called with the motion after the drive's delay.
 
-    - The torque of the file is not limited: clipping the noise of the measured motion on one side would cause a bias.
-      Instead, the part of the recorded command beyond the drive's limit, which had no effect, is added.
-    - Known loads of single recordings and measured external forces are not in the file, and are added.
+    - The torque of the file is not limited, as clipping noise on one side would cause a bias. Instead, the part of the
+      recorded command beyond the drive's limit, which had no effect, is added.
+    - Known loads of single recordings and measured external forces, which are not in the file, are added.
 
     Args:
         replay: The recordings.
@@ -259,7 +261,7 @@ def torque_of_actuators(
         effects: The findings that the file contains. Delays and limits are applied by their own laws.
     """
     robot = with_actuators(corrected, loaded(code, ISAAC)["JOINTS"])
-    return torque_of_model(replay, robot, of_drives(corrected, effects))
+    return torque_of_model(replay, robot, drive_effects(corrected, effects))
 
 
 def with_actuators(corrected: CorrectedModel, joints: Mapping[str, Mapping[str, float]]) -> Robot:
@@ -297,19 +299,19 @@ def torque_of_residual(replay: Replay, code: str, model: LogTorque, robot: Robot
     def along_log(log: int) -> Array:
         operation = operation_of(robot, replay.logs[log], (), log, replay.cutoff_hz)
         out = np.array(model(log))
-        out[:, row] -= _stepped(names["Residual"](), replay.logs[log], operation, robot, row)
+        out[:, row] -= _law_torque(names["Residual"](), replay.logs[log], operation, robot, row)
         return out
 
     return along_log
 
 
-def _stepped(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
-    """Torque of a law that is computed step by step; interpolated if a log has more than ``_STEPS`` samples."""
+def _law_torque(law: Any, log: Log, operation: Operation, robot: Robot, row: int) -> Float[Array, " N"]:
+    """Torque of a law that is computed step by step; interpolated if a log has more than ``_MOST_STEPS`` samples."""
     from identification.diagnosis.law.joint_residual import (
         inputs_of,  # imported here because it loads all laws of residuals, which few runs need
     )
 
     inputs = inputs_of(robot, log, operation, row, [k for k in range(robot.nv) if k != row])
-    every = max(math.ceil(len(inputs["t"]) / _STEPS), 1)
+    every = max(math.ceil(len(inputs["t"]) / _MOST_STEPS), 1)
     few = {name: series[::every] for name, series in inputs.items()}
     return np.interp(inputs["t"], few["t"], law.along(few))

@@ -202,8 +202,8 @@ def _urdf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Pa
 
 def robot_config(given: Robot, config: Path | None) -> Path | None:
     """The ``robot.yaml`` of a robot: the given one, or the one in the folder of the robot's file; None if neither."""
-    beside = find_robot(given.source).with_name(CONFIG_NAME)
-    own = beside if beside.is_file() else None
+    default_config = find_robot(given.source).with_name(CONFIG_NAME)
+    own = default_config if default_config.is_file() else None
     return own if config is None else config
 
 
@@ -306,9 +306,9 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[Note, ...]:
     places = zip(robot.joint_names, robot.rotor_inertia, given.rotor_inertia, strict=True)
     # A URDF that is built from another kind of file has no rotors at all.
     other = file.suffix != ".urdf"
-    moved = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
+    rotors = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
     missing = {
-        "rotor_inertia": moved,
+        "rotor_inertia": rotors,
         "stiffness": {name: stiffness for name, (stiffness, _) in corrected.springs.items()},
         "offset": corrected.offsets,
         "torque_constant": corrected.gains,

@@ -180,7 +180,7 @@ class FileCorrections:
 def corrections_in_files(robot: Robot, corrections: Mapping[str, JointCorrection]) -> FileCorrections:
     """Corrections that model files can contain: for an open chain all, for a closed chain those that keep its loops.
 
-    - A joint that follows others by a formula is also rotated by their zeros, so that the formula holds for readings.
+    - A joint that follows others by a formula is also rotated by their zeros: the formula then holds for readings.
     - Links of a parallelogram that is stated by a formula are not moved: the formula would not hold for moved links.
     - In the MJCF of a robot with loops between frames nothing is moved: MuJoCo computes how the loops close from the
       zero positions in the file.
@@ -197,21 +197,21 @@ def corrections_in_files(robot: Robot, corrections: Mapping[str, JointCorrection
     for anchor in loops.chain.anchors[len(robot.chain.anchors) :]:
         by_formula |= {loops.model.names[index] for index in joints_of_loop(loops.model, anchor)}
         by_formula |= {loops.model.frames[frame].name for frame in (anchor.frame_a, anchor.frame_b)}
-    kept = {
+    possible = {
         name: JointCorrection(np.zeros(6), own.zero) if name in by_formula else own for name, own in corrections.items()
     }
     zeros = np.array([corrections[name].zero if name in corrections else 0.0 for name in robot.joint_names])
     for row, name in zip(robot.chain.passive, robot.passive_names, strict=True):
         zero = float(robot.chain.linear_map[row, : robot.nv] @ zeros)
         if zero and row not in robot.chain.unknowns:
-            kept[name] = JointCorrection(kept[name].twist if name in kept else np.zeros(6), zero)
+            possible[name] = JointCorrection(possible[name].twist if name in possible else np.zeros(6), zero)
     notes = []
     lost = [name for name, own in corrections.items() if name in by_formula and np.any(own.twist)]
     if lost:
         notes.append(Note(Code.NO_PLACE_FOR_LINKS, None, {"files": (URDF, MJCF), "names": tuple(lost)}))
     if robot.chain.anchors:
         notes.append(Note(Code.LOOPS_AS_DRAWN, None, {"files": (MJCF,)}))
-    return FileCorrections(kept, {} if robot.chain.anchors else kept, tuple(notes))
+    return FileCorrections(possible, {} if robot.chain.anchors else possible, tuple(notes))
 
 
 def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[Note, ...]:

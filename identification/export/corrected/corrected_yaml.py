@@ -157,8 +157,8 @@ def read_corrected(path: str | Path) -> Corrected:
         raise ParameterError(f"{file}: {given}, wanted {SCHEMA}: give the corrected.yaml of a diagnosis.")
     # The key is optional: files of earlier versions do not have it, nor files whose residual is only noise.
     errors = list_at(content.get("model_error", []), file, "model_error")
-    rest = {key: value for key, value in content.items() if key != "model_error"}
-    top = mapping_at(rest, file, "", ("schema", "robot", "effects", "adjusted"))
+    required_content = {key: value for key, value in content.items() if key != "model_error"}
+    top = mapping_at(required_content, file, "", ("schema", "robot", "effects", "adjusted"))
     robot = mapping_at(top["robot"], file, "robot", ROBOT_KEYS)
     return Corrected(
         robot=text_at(robot["source"], file, "robot.source"),

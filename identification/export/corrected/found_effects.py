@@ -78,10 +78,9 @@ def _rows(finding: Finding, name: str) -> list[list[float]]:
 def robot_within_tolerances(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
     """The given robot with the parameters that a diagnosis changed; the same object if it changed none.
 
-    Changes that are no parameters of the model, such as a delay of the recording or an error of a sensor, are left out.
-
     Findings were fitted together with these changes. A model with the findings but without the changes may have a
-    larger residual than the diagnosis states, and even than the given model.
+    larger residual than the diagnosis states, and even than the given model. Changes that are no parameters of the
+    model, such as a delay of the recording or an error of a sensor, are left out.
 
     Args:
         robot: The given model.

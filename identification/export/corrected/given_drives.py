@@ -21,7 +21,7 @@ from phantom_dyn.model.robot_xml import Element
 _REFERENCES = "delay of references"
 
 
-def holds_reference_delay(corrected: CorrectedModel, joint: str) -> bool:
+def can_delay_references(corrected: CorrectedModel, joint: str) -> bool:
     """True if the given file is an MJCF with a servo on a joint: the servo's command is a reference and can be delayed.
 
     Args:
@@ -147,7 +147,7 @@ def _as_general(given: GivenMjcf, actuator: Element) -> None:
     """Change a ``motor`` to an equivalent ``general`` element that states its attributes and inherits no defaults."""
     if actuator.tag != "motor":
         return
-    kept = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}
+    stated = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}
     actuator.tag = "general"
-    for key, word in ({"gaintype": "fixed", "gainprm": "1", "biastype": "none", "dyntype": "none"} | kept).items():
+    for key, word in ({"gaintype": "fixed", "gainprm": "1", "biastype": "none", "dyntype": "none"} | stated).items():
         actuator.set(key, word)

@@ -128,7 +128,7 @@ def _set_inertias(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> No
         if robot.model.inertias[body] == before.model.inertias[body]:
             continue
         element = given.owners[given.joints[robot.model.names[body]]]
-        inertia, losing = own_inertia(robot, body, _fixed_bodies(before, body), _held_bodies(element))
+        inertia, losing = own_inertia(robot, body, _fixed_bodies(before, body), _bodies_on_own_joints(element))
         inertia = _in_axes_of_link(robot, body, inertia)
         if breaks_triangle(inertia.inertia):
             raise RobotError(f"MuJoCo takes no body with the inertia of {body_name(robot, body)} in {file.name}.")
@@ -151,7 +151,7 @@ def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
     return out
 
 
-def _held_bodies(link: Element) -> frozenset[str]:
+def _bodies_on_own_joints(link: Element) -> frozenset[str]:
     """Names of the bodies below a link that a joint of the file moves relative to the link: they keep their inertia."""
     out: set[str] = set()
     todo = [(body, False) for body in link.findall("body")]
@@ -167,8 +167,8 @@ def _in_axes_of_link(robot: Robot, body: int, inertia: LinkInertia) -> LinkInert
     """An inertia, transformed from the frame of a joint to that of its body, which may have another origin."""
     name = body_name(robot, body)
     frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
-    moved = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
-    return LinkInertia(float(moved.mass), np.array(moved.lever), np.array(moved.inertia))
+    in_body_axes = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
+    return LinkInertia(float(in_body_axes.mass), np.array(in_body_axes.lever), np.array(in_body_axes.inertia))
 
 
 def _set_joints(given: GivenMjcf, corrected: CorrectedModel) -> None:

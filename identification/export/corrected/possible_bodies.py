@@ -1,10 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Replaces estimated bodies that cannot exist by possible ones.
 
-Tolerance parameters are fitted independently, and only the sum of their torques along the recorded motion is observed.
-Together they may result in a body that cannot exist. For example, a thin link with a small axial moment of inertia must
-have two nearly equal other moments. Such bodies are replaced by possible bodies with the same torques along the
-recorded motion; if there are none, by the nearest possible bodies.
+Tolerance parameters are fitted independently, so that together they may make a body that cannot exist. For example, a
+thin link with a small axial moment of inertia must have two nearly equal other moments. Such bodies are replaced by
+possible bodies with the same torques along the recorded motion; if there are none, by the nearest possible bodies.
 
 A body is possible if its pseudo-inertia, the four by four matrix of its moments of order zero to two, has no negative
 eigenvalue [Wensing]_. For the nearest possible body the negative eigenvalues are raised, with lengths in units of the
@@ -34,13 +33,13 @@ from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parame
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_LEAST = 1e-6
+_LEAST_EIGENVALUE = 1e-6
 """Smallest eigenvalue as a share of the largest one. It is above zero because MuJoCo and other programs refuse bodies
 that are barely possible."""
 _SAMPLES = 300
 """Number of samples of the recorded motion at which possible bodies must have the same torques."""
-_SEEN = 1e-4
-"""Combinations of parameters may change freely if their torque is below this share of the largest one."""
+_LEAST_TORQUE_SHARE = 1e-4
+"""Combinations of parameters may change freely if their torque is below this share of the largest."""
 
 
 def with_possible_bodies(robot: Robot, given: Robot, motion: Motion) -> tuple[Robot, tuple[Note, ...]]:
@@ -105,7 +104,7 @@ def nearest_possible(standard: Float[Array, " 10"], length: float) -> tuple[Floa
     scale = np.array([length, length, length, 1.0])
     matrix = pseudo_inertia(standard) / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(matrix)
-    raised = np.maximum(values, _LEAST * values.max())
+    raised = np.maximum(values, _LEAST_EIGENVALUE * values.max())
     found = (vectors * raised) @ vectors.T
     distance = float(np.linalg.norm(found - matrix) / np.linalg.norm(matrix))
     return standard_of(found * np.outer(scale, scale)), distance
@@ -141,7 +140,7 @@ def same_torque_bodies(robot: Robot, given: Robot, motion: Motion) -> Robot:
     _, sizes, rows = np.linalg.svd(
         rigid_body_regressor(robot, few_samples).reshape(-1, len(stated)) * scale, full_matrices=False
     )
-    seen = rows[: len(sizes)][sizes > _SEEN * sizes[0]] / scale
+    observed_rows = rows[: len(sizes)][sizes > _LEAST_TORQUE_SHARE * sizes[0]] / scale
     none = np.zeros(0)
-    found = solve_program(Program(seen, seen @ wanted, bodies, none, none, exact=True))
+    found = solve_program(Program(observed_rows, observed_rows @ wanted, bodies, none, none, exact=True))
     return with_parameters(robot, found.pi - wanted)

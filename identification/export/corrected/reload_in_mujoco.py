@@ -29,7 +29,7 @@ from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import RobotError
-from phantom_dyn.model.from_mjcf.mjcf_compiler import unheard_warnings
+from phantom_dyn.model.from_mjcf.mjcf_compiler import silenced_warnings
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.splines import interpolated
@@ -71,7 +71,7 @@ def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> f
     return relative_difference(found, needed_torque(corrected, motion))
 
 
-def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held: Mapping[str, float]) -> float:
+def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, fixed_q: Mapping[str, float]) -> float:
     """Largest relative difference of torques, computed like `torque_difference`, for an edited copy of the user's file.
 
     Parts of the file that are not in the model are switched off first: springs (except those of findings), gravity
@@ -81,7 +81,7 @@ def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held
         text: Text of the MJCF, with paths at which MuJoCo finds its meshes.
         corrected: The model in the file.
         motion: N samples of the active joints.
-        held: Positions, if not zero, of joints of the file that the robot does not have.
+        fixed_q: Positions, if not zero, of joints of the file that the robot does not have.
 
     Raises:
         RobotError: If MuJoCo refuses the text.
@@ -104,11 +104,11 @@ def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held
     for k in range(model.ntendon):
         if mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, k) not in coupled:
             model.tendon_damping[k] = 0.0
-    found = torque_of_mujoco(model, corrected.robot, tree, held) + _tendon_friction(corrected, tree)
+    found = torque_of_mujoco(model, corrected.robot, tree, fixed_q) + _tendon_friction(corrected, tree)
     return relative_difference(found, needed_torque(corrected, motion))
 
 
-@unheard_warnings()
+@silenced_warnings()
 def rollout_errors(
     text: str, robot: Robot, motion: Motion, tau: Float[Array, "N nv"], *, horizon: float = 0.2, starts: int = 40
 ) -> Float[Array, " nv"]:

@@ -147,8 +147,8 @@ def _config_for(text: str, config: Path | None) -> Iterator[Path | None]:
     if is_ros2_control(content) or (in_urdf.issuperset(lock) and in_urdf.issuperset(joints)):
         yield config
         return
-    kept = {name: keys for name, keys in joints.items() if name in in_urdf}
-    reduced = {**content, "lock": [name for name in lock if name in in_urdf], "joints": kept}
+    joints_in_urdf = {name: keys for name, keys in joints.items() if name in in_urdf}
+    reduced = {**content, "lock": [name for name in lock if name in in_urdf], "joints": joints_in_urdf}
     with unnamed_file(settings_text(reduced).encode(), suffix=".yaml") as path:
         yield path
 
@@ -172,7 +172,7 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
     return relative_difference(torque_of_mujoco(load_mujoco(text), robot, tree, {}), tree_torque(robot, tree))
 
 
-def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[str, float]) -> Float[Array, "N nt"]:
+def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, fixed_q: Mapping[str, float]) -> Float[Array, "N nt"]:
     """Torque [N m or N] that a motion needs in a loaded MuJoCo model, for every joint of the tree.
 
     Torques that the drives of the model exert at zero command are subtracted.
@@ -181,7 +181,7 @@ def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[s
         model: MuJoCo's model; its constraints are switched off by this function.
         robot: The robot, whose joints define the columns.
         tree: N samples of the motion of all joints.
-        held: Positions [rad or m] of joints that only MuJoCo's model has, by name; zero for joints without an entry.
+        fixed_q: Positions [rad or m] of joints that only MuJoCo's model has, by name; zero for joints without an entry.
     """
     import mujoco
 
@@ -196,7 +196,7 @@ def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[s
         for values, own, at in ((data.qpos, q, places), (data.qvel, v, order), (data.qacc, a, order)):
             values[:] = 0.0
             values[at] = own
-        for name, position in held.items():
+        for name, position in fixed_q.items():
             data.qpos[model.joint(name).qposadr[0]] = position
         mujoco.mj_inverse(model, data)
         out[k] = data.qfrc_inverse[order]

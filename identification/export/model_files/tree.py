@@ -105,11 +105,11 @@ def frames(robot: Robot) -> tuple[TreeFrame, ...]:
     If several frames have the same name, only the first is returned.
     """
     model = robot.model
-    seen = {body_name(robot, j) for j in range(1, model.njoints)} | {"universe", "world"}
+    names = {body_name(robot, j) for j in range(1, model.njoints)} | {"universe", "world"}
     out = []
     for frame in model.frames:
-        if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and frame.name not in seen:
-            seen.add(frame.name)
+        if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and frame.name not in names:
+            names.add(frame.name)
             placement = frame.placement
             rotation, position = np.array(placement.rotation), np.array(placement.translation)
             out.append(TreeFrame(frame.name, frame.parentJoint - 1, rotation, position))

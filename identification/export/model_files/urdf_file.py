@@ -107,18 +107,17 @@ def locked_links(robot: Robot, root: Element) -> frozenset[str]:
 
 
 def own_inertia(
-    robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], held: frozenset[str], *, broken: bool = False
+    robot: Robot, body: int, fixed: dict[str, Float[Array, " 10"]], keeping: frozenset[str], *, broken: bool = False
 ) -> tuple[LinkInertia, frozenset[str]]:
     """Inertia of the link on a joint: the inertia of the whole body minus that of the links fixed to this link.
 
-    If this difference is physically impossible, the inertia of the fixed links is moved to the link on the joint. Links
-    behind a locked joint always keep their inertia.
+    If this difference is physically impossible, the inertia of the fixed links is moved to the link on the joint.
 
     Args:
         robot: The robot, with the inertia of the body.
         body: Pinocchio's index of the joint.
         fixed: Parameters of the links that are fixed to the link on the joint, from `fixed_links`.
-        held: Links behind a locked joint, from `locked_links`.
+        keeping: Links behind a locked joint, from `locked_links`; they keep their inertia.
         broken: True if the link's inertia in the given file already violates the triangle inequality.
 
     Returns:
@@ -129,7 +128,7 @@ def own_inertia(
     """
     whole = robot.model.inertias[body].toDynamicParameters()
     reason = None
-    for losing in (frozenset[str](), frozenset(fixed) - held):
+    for losing in (frozenset[str](), frozenset(fixed) - keeping):
         difference = whole - sum((fixed[name] for name in fixed if name not in losing), np.zeros(10))
         mass, center, inertia = central_parameters(difference)
         reason = impossible_because(mass, inertia)
@@ -165,7 +164,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
     """
     root = ElementTree.parse(file, comment_parser()).getroot()
     links = {link.get("name", ""): link for link in root.findall("link")}
-    held = locked_links(given, root)
+    keeping = locked_links(given, root)
     for body in range(1, robot.model.njoints):
         if robot.model.inertias[body] == given.model.inertias[body]:
             continue
@@ -174,7 +173,7 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
             raise RobotError(f"{file} has no link on the joint {robot.model.names[body]}: give the robot's URDF.")
         stated = stated_inertia(links[own])
         broken = stated is not None and breaks_triangle(stated.inertia)
-        inertia, losing = own_inertia(robot, body, fixed_links(given, root, body, own), held, broken=broken)
+        inertia, losing = own_inertia(robot, body, fixed_links(given, root, body, own), keeping, broken=broken)
         for name in losing:
             for element in links[name].findall("inertial"):
                 links[name].remove(element)

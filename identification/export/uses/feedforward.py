@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Writes the feedforward torque of the corrected model as plain Python without dependencies, and as a table.
 
-The inverse dynamics in ``feedforward_functions.txt`` repeat `phantom_dyn.dynamics.dynamics` on purpose: users copy the
-written file into a controller, so the file must not need other code.
+The inverse dynamics in ``feedforward_functions.txt`` repeat `phantom_dyn.dynamics.dynamics`, because users copy the
+written file into a controller, where it must not need other code.
 """
 
 from __future__ import annotations

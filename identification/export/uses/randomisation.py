@@ -1,9 +1,8 @@
 """Domain randomisation: distribution of the effects that a diagnosis found, and of effects that it cannot rule out.
 
 Found effects are drawn from their joint normal distribution, with correlations if the diagnosis has them. Effects that
-were not seen are drawn uniformly between zero and the smallest size that the recordings would have shown. Only a few of
-these are drawn at a time, as many together would have been seen. The range of a found parameter extends two standard
-deviations to either side of its value.
+were not found are drawn uniformly between zero and their detection limit, only a few at a time, as many together would
+have been found. The range of a found parameter extends two standard deviations to either side of its value.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Randomisation:
         findings: Findings of the diagnosis.
         found: The effects of these findings, with parameters in the order of the catalogue.
         loadings: Matrix that maps ``k`` independent standard normal numbers to the errors of all ``p`` parameters.
-        unseen: Effects that were not seen, with the smallest size that would have been seen.
+        unseen: Detection limits of the effects that were not found.
         control_step: Time between commands [s], taken as the time between samples; None if unknown.
         posture: Mean recorded positions [rad or m]; None means zero.
     """
@@ -57,8 +56,8 @@ class Randomisation:
 
     def with_values(self, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
         """The found effects with other parameters, in the order of `values`."""
-        rest = iter(values.tolist())
-        return tuple(KnownEffect(one.effect, one.joint, tuple(islice(rest, len(one.theta)))) for one in self.found)
+        remaining = iter(values.tolist())
+        return tuple(KnownEffect(one.effect, one.joint, tuple(islice(remaining, len(one.theta)))) for one in self.found)
 
     @property
     def std(self) -> Float[Array, " p"]:

@@ -146,9 +146,9 @@ def _half_widths(randomisation: Randomisation, given: CorrectedModel, base: _Fil
     mean, std = randomisation.values, randomisation.std
     slopes: dict[Field, Array] = {}
     for place in np.flatnonzero(std > 0):
-        moved = mean.copy()
-        moved[place] += std[place]
-        for at, change in _changes(_file_with(given, randomisation.with_values(moved)), base).items():
+        shifted = mean.copy()
+        shifted[place] += std[place]
+        for at, change in _changes(_file_with(given, randomisation.with_values(shifted)), base).items():
             slopes.setdefault(at, np.zeros(len(mean)))[place] = change / std[place]
     return {at: SIGMAS * float(np.linalg.norm(slope @ randomisation.loadings)) for at, slope in slopes.items()}
 

@@ -70,7 +70,7 @@ def isaac_lab_text(corrected: CorrectedModel, name: str) -> str:
         "for effort_limit, and accepts both. DelayedPDActuatorCfg delays the command: this is exact for a "
         "reference_delay, but a delay was found to be that of the torque. This file was not loaded in Isaac Lab.",
     ]
-    if missing := cannot_say(corrected, ISAAC_LAB):
+    if missing := missing_sentences(corrected, ISAAC_LAB):
         lines += ["", "What it cannot say:", *missing]
     doc = "\n".join("\n".join(textwrap.wrap(_plain(line), 100)) for line in lines)
     joints = fields_of(corrected, ISAAC_LAB)
@@ -100,18 +100,18 @@ def simulators_text(corrected: CorrectedModel, name: str) -> str:
             "where": "damping, friction, spring_stiffness, spring_reference in <joint><axis><dynamics>, effort in "
             "<axis><limit> of the SDF",
             "joints": fields_of(corrected, GAZEBO),
-            "cannot_say": list(cannot_say(corrected, GAZEBO)),
+            "cannot_say": list(missing_sentences(corrected, GAZEBO)),
         },
         "drake": {
             "where": "damping in <dynamics> and effort in <limit> of the joint, drake:rotor_inertia and "
             "drake:gear_ratio in <actuator> of its <transmission>",
             "joints": drake,
-            "cannot_say": list(cannot_say(corrected, DRAKE)),
+            "cannot_say": list(missing_sentences(corrected, DRAKE)),
         },
         "ros2_control": {
             "where": "joint_limits of a controller's parameters",
             "joint_limits": limits,
-            "cannot_say": list(cannot_say(corrected, ROS2_CONTROL)),
+            "cannot_say": list(missing_sentences(corrected, ROS2_CONTROL)),
         },
     }
     head = "# Joints of the corrected model, under the names of each simulator, in SI units on the joint side.\n"
@@ -197,7 +197,7 @@ def numbers_of(corrected: CorrectedModel) -> dict[str, dict[str, float]]:
     }
 
 
-def cannot_say(corrected: CorrectedModel, simulator: Simulator) -> tuple[str, ...]:
+def missing_sentences(corrected: CorrectedModel, simulator: Simulator) -> tuple[str, ...]:
     """Sentences on the parameters and effects of the corrected model that a simulator cannot express.
 
     Args:

@@ -34,7 +34,7 @@ from identification.reporting.charts.thinning import gap_starts, thinned
 from phantom_dyn.array_types import Array
 
 BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito, distinct for every kind of colour vision
-STRETCH_S = 10.0  # length of the section of a recording that is drawn over time [s]
+SECTION_S = 10.0  # length of the section of a recording that is drawn over time [s]
 
 _POINTS = 72.0  # points per inch
 _RIGHT, _BOTTOM, _TOP = 9.0, 38.0, 21.0  # space around the panels [pt]
@@ -93,7 +93,7 @@ def chart(
         logarithmic: True makes both axes logarithmic; panels must then contain only curves.
     """
     if logarithmic:
-        panels = tuple(_in_decades(panel) for panel in panels)
+        panels = tuple(_with_logarithms(panel) for panel in panels)
     width, height = (_POINTS * side for side in size)
     legend = [curve for curve in panels[0].curves if curve.label]
     top = _TOP if any(panel.title for panel in panels) else _LEGEND if legend else TICK + SMALL
@@ -104,7 +104,7 @@ def chart(
     x_range = _padded(_range([x for panel in panels for x, _ in _drawn(panel)]))
     if x_names:
         x_range = (-0.5, len(x_names) - 0.5)
-    y_ranges = [_padded(_range([y for _, y in _drawn(panel)], _shown_at_least(panel))) for panel in panels]
+    y_ranges = [_padded(_range([y for _, y in _drawn(panel)], _required_values(panel))) for panel in panels]
     if same_scale:
         y_ranges = [(min(low for low, _ in y_ranges), max(high for _, high in y_ranges))] * len(panels)
     out = [legend_svg(legend)]
@@ -136,7 +136,7 @@ def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
     return points if panel.cloud is None else [*points, (panel.cloud.x, panel.cloud.y)]
 
 
-def _shown_at_least(panel: Panel) -> tuple[float, ...]:
+def _required_values(panel: Panel) -> tuple[float, ...]:
     """Values that the vertical range must include."""
     level = () if panel.rule is None else (panel.rule,)
     band = (-panel.band, panel.band) if panel.band > 0.0 else ()
@@ -159,7 +159,7 @@ def _padded(limits: Range) -> Range:
     return low - _PADDING * width, high + _PADDING * width
 
 
-def _in_decades(panel: Panel) -> Panel:
+def _with_logarithms(panel: Panel) -> Panel:
     """The panel with decimal logarithms of its curves."""
     curves = tuple(replace(curve, x=np.log10(curve.x), y=np.log10(curve.y)) for curve in panel.curves)
     return replace(panel, curves=curves)

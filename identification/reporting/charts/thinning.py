@@ -48,7 +48,7 @@ def gap_starts(t: Float[Array, " N"]) -> Int[Array, " g"]:
     return np.flatnonzero(step > 10 * np.median(step)) + 1
 
 
-def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], seconds: float) -> slice:
+def largest_residual_section(t: Float[Array, " N"], residual: Float[Array, " N"], seconds: float) -> slice:
     """The section of one recording, at most `seconds` long, with the largest mean square of the residual.
 
     A recording shorter than `seconds` is chosen only if all recordings are shorter.
@@ -106,9 +106,9 @@ def binned_median(x: Float[Array, " N"], y: Float[Array, " N"]) -> tuple[Float[A
     order = np.argsort(which, kind="stable")
     numbers, starts = np.unique(which[order], return_index=True)
     groups = np.split(y[order], starts[1:])
-    kept = [(k, group) for k, group in zip(numbers, groups, strict=True) if len(group) >= LEAST_IN_BIN]
-    centres = np.array([(k + 0.5) * span / bins for k, _ in kept])
-    return centres, np.array([float(np.median(group)) for _, group in kept])
+    full_bins = [(k, group) for k, group in zip(numbers, groups, strict=True) if len(group) >= LEAST_IN_BIN]
+    centres = np.array([(k + 0.5) * span / bins for k, _ in full_bins])
+    return centres, np.array([float(np.median(group)) for _, group in full_bins])
 
 
 def bin_numbers(x: Float[Array, " N"], bins: int = BINS) -> Int[Array, " N"]:

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Diagnosis, Finding
 from identification.export.file_names import MJCF, URDF, YAML
-from identification.notes import Note, Said
+from identification.notes import Note, Remark
 from identification.reporting.page.explaining import JointMotion, joint_motions, joint_of
 from identification.reporting.page.first_screen import gap_bars_of, groups_of, share_curve
 from identification.reporting.page.gap_figures import (
@@ -44,8 +44,8 @@ from identification.words.verdict_words import (
     closed_by_tolerances,
     headline,
     hidden_words,
-    left_over,
     reservations,
+    residual_phrase,
     short_headline,
 )
 from phantom_dyn.model.robot import Robot
@@ -114,7 +114,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_file
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
         closed=_closed(diagnosis),
-        minor=words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor]),
+        minor=words.joined([words.placed_finding(finding) for finding in diagnosis.minor]),
         adjusted=[
             (
                 a.quantity,
@@ -124,7 +124,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None, *, linked_file
             )
             for a in diagnosis.adjusted
         ],
-        unexplained=words.capital(left_over(diagnosis)),
+        unexplained=words.capital(residual_phrase(diagnosis)),
         unexplained_figure=_unexplained_figure(diagnosis, motions),
         law=law_view(diagnosis.unexplained),
         nearest=nearest_claims(diagnosis),
@@ -142,9 +142,9 @@ def _details(diagnosis: Diagnosis) -> list[str]:
     return [*([] if whole == short_headline(diagnosis) else [whole]), *reservations(diagnosis)]
 
 
-def _on_model_files(said: Said) -> bool:
+def _on_model_files(remark: Remark) -> bool:
     """True for notes on the files of the corrected model, which have their own section."""
-    return isinstance(said, Note) and bool({YAML, URDF, MJCF} & set(said.files))
+    return isinstance(remark, Note) and bool({YAML, URDF, MJCF} & set(remark.files))
 
 
 def _closed(diagnosis: Diagnosis) -> str:
@@ -167,7 +167,7 @@ def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> 
     finding = diagnosis.findings[index]
     return {
         "name": _title(finding),
-        "share": words.of_the_gap(finding),
+        "share": words.share_of_gap_words(finding),
         "sentence": words.finding_words(finding, diagnosis.next_experiment),
         "sizes": parameter_rows(finding),
         "figure": Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),

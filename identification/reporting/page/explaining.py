@@ -1,7 +1,6 @@
 """Chooses the variable over which a residual is drawn: the variable that explains most of the residual.
 
-The diagnosis contains the motion of driven joints. The motion of passive joints of a closed chain is computed with the
-robot model.
+The diagnosis contains the motion of driven joints; that of passive joints of a closed chain is computed.
 """
 
 from __future__ import annotations
@@ -50,8 +49,8 @@ class Variable:
 def joint_of(diagnosis: Diagnosis, joint: str | None) -> int:
     """Index of the joint whose residual shows a finding.
 
-    For a finding on a driven joint, it is this joint. For a coupling, it is the one of the two joints whose residual
-    decreased more. For the whole robot or a passive joint, it is the joint of the robot whose residual decreased most.
+    It is the joint of the finding if it is driven. For a coupling, it is the one of the two joints whose residual
+    decreased more; for the whole robot or a passive joint, the joint whose residual decreased most.
     """
     rows = {gap.joint: k for k, gap in enumerate(diagnosis.joints)}
     if joint in rows:
@@ -158,7 +157,7 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
     if name == "position":
         return Variable(f"position{after}", length, motion.q, by_direction=True)
     if name == "displacement":
-        width = _first(finding, "displacement")
+        width = _first_number(finding, "displacement")
         x = displacement_by_recording(evidence.t, motion.q, motion.v)
         reach = None if width is None else _PRESLIDING_WIDTHS * abs(width)
         return Variable("displacement since reversal", length, x, reach=reach)
@@ -184,7 +183,7 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
 
 def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
     """Position modulo the period of the strongest order if the motion covers several periods, otherwise position."""
-    orders, sizes = _all(finding, "order") or [1.0], _all(finding, "amplitude")
+    orders, sizes = _all_numbers(finding, "order") or [1.0], _all_numbers(finding, "amplitude")
     order = orders[int(np.argmax(np.abs(sizes)))] if len(sizes) == len(orders) else orders[0]
     period = 2 * np.pi / abs(order) if order else np.inf
     if length == "m" or not np.ptp(motion.q[np.isfinite(motion.q)], axis=0) > _LEAST_PERIODS * period:
@@ -197,7 +196,7 @@ def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
 def _coupled(finding: Finding, motions: dict[str, JointMotion], motion: JointMotion, length: str) -> Variable:
     """Velocity of a coupling: first joint's velocity plus ratio times second joint's velocity."""
     pair = [name for name in (finding.joint or "").split("+") if name in motions]
-    ratio = _first(finding, "ratio")
+    ratio = _first_number(finding, "ratio")
     if len(pair) != 2 or ratio is None:
         return Variable("velocity", f"{length}/s", motion.v)
     first, second = (motions[name].v for name in pair)
@@ -226,13 +225,13 @@ def _almost_largest(x: Float[Array, " N"]) -> float | None:
     return float(np.percentile(finite, _MIDDLE[1])) if len(finite) else None
 
 
-def _first(finding: Finding, name: str) -> float | None:
+def _first_number(finding: Finding, name: str) -> float | None:
     """First number of a finding's parameter; None without the parameter."""
-    values = _all(finding, name)
+    values = _all_numbers(finding, name)
     return values[0] if values else None
 
 
-def _all(finding: Finding, name: str) -> list[float]:
+def _all_numbers(finding: Finding, name: str) -> list[float]:
     """Numbers of a finding's parameter; empty without the parameter."""
     value = finding.parameters.get(name)
     return [] if value is None else value.numbers

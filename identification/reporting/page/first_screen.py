@@ -24,8 +24,8 @@ _MOST_SIZES = 4
 class Bar:
     """Residuals of one joint before and after correction, and its noise floor, as widths of bars [%] and as text.
 
-    Widths are proportional to the residual divided by the joint's noise floor. The mark of the noise floor is therefore
-    at the same position for all joints, and the largest ratio has the longest bar.
+    Widths are proportional to the residual divided by the joint's noise floor, so that the mark of the noise floor is
+    at the same position for all joints.
     """
 
     joint: str
@@ -60,13 +60,13 @@ class Group:
 def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
     """Bars of at most eight joints, in the robot's order, and the number of joints that are left out."""
     gaps = diagnosis.joints
-    sizes = np.array([_in_floors(gap, gap.without_findings) for gap in gaps])
-    kept = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
-    largest = max([1.0, *(_in_floors(gap, size) for gap in gaps for size in (gap.without_findings, gap.rms_after))])
-    return [_bar(gaps[k], largest) for k in kept], len(gaps) - len(kept)
+    sizes = np.array([_over_floor(gap, gap.without_findings) for gap in gaps])
+    shown_rows = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
+    largest = max([1.0, *(_over_floor(gap, size) for gap in gaps for size in (gap.without_findings, gap.rms_after))])
+    return [_bar(gaps[k], largest) for k in shown_rows], len(gaps) - len(shown_rows)
 
 
-def _in_floors(gap: JointGap, size: float) -> float:
+def _over_floor(gap: JointGap, size: float) -> float:
     """A residual divided by the joint's noise floor; zero if the ratio is not finite."""
     ratio = size / gap.noise_floor if gap.noise_floor else 0.0
     return ratio if np.isfinite(ratio) else 0.0
@@ -75,7 +75,7 @@ def _in_floors(gap: JointGap, size: float) -> float:
 def _bar(gap: JointGap, largest: float) -> Bar:
     """The bar of one joint; ``largest`` is the ratio of residual to noise floor with a width of 100 %."""
     sizes = (gap.without_findings, gap.rms_after, gap.noise_floor)
-    before, after, floor = (100 * _in_floors(gap, size) / largest for size in sizes)
+    before, after, floor = (100 * _over_floor(gap, size) / largest for size in sizes)
     text = f"{number(gap.without_findings)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
     status = None if gap.closed is None else f"{percent_short_of_all(gap.closed)} closed"
     # No gap: the residual of the given model, or that of the model adjusted within its tolerances, is allowed.
@@ -107,7 +107,7 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
         # A Shapley value can be negative if other findings explain the same residual better.
         "" if share is None or share < 0.0 else percent_short_of_all(share),
         0.0 if share is None else 100 * max(share, 0.0),
-        words.sureness(min(finding.probability for finding in findings)),
+        words.certainty_words(min(finding.probability for finding in findings)),
     )
 
 

@@ -13,12 +13,12 @@ import numpy as np
 
 from identification.diagnosis.evidence import Evidence
 from identification.diagnosis.result import Diagnosis
-from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart, curve_over_time
+from identification.reporting.charts.chart import AFTER, BEFORE, SECTION_S, Panel, chart, curve_over_time
 from identification.reporting.charts.chart_marks import INK, Cloud, Curve
 from identification.reporting.charts.thinning import (
     binned_median,
-    eventful_stretch,
     gap_starts,
+    largest_residual_section,
     scatter_choice,
     thinned,
 )
@@ -45,7 +45,7 @@ FINER_FROM = 3.0  # the panels have different scales if the residuals differ by 
 def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
     """Draws measured and modelled torque over a section with a large residual, and the residuals below."""
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
-    rows = shown_stretch(evidence, joint)
+    rows = shown_section(evidence, joint)
     t = evidence.t[rows]
 
     tau = (
@@ -94,7 +94,7 @@ def shown_motion(evidence: Evidence, joint: int) -> slice:
         return slice(0, len(evidence.t))
     error = evidence.q[:, joint] - simulated.before[:, joint]
     windows = _WINDOWS if evidence.touched is None else _SWINGS
-    return eventful_stretch(evidence.t, error, min(STRETCH_S, windows * simulated.seconds))
+    return largest_residual_section(evidence.t, error, min(SECTION_S, windows * simulated.seconds))
 
 
 def position_unit(diagnosis: Diagnosis, joint: int) -> str:
@@ -102,9 +102,9 @@ def position_unit(diagnosis: Diagnosis, joint: int) -> str:
     return "m" if diagnosis.joints[joint].unit == "N" else "rad"
 
 
-def shown_stretch(evidence: Evidence, joint: int) -> slice:
+def shown_section(evidence: Evidence, joint: int) -> slice:
     """Samples of the section shown at first: the ten seconds with the largest residual of the given model."""
-    return eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
+    return largest_residual_section(evidence.t, residual(evidence.tau_before, evidence, joint), SECTION_S)
 
 
 def torque_label(diagnosis: Diagnosis, joint: int) -> str:
@@ -266,7 +266,7 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     measured = np.where(np.isfinite(before), evidence.tau_measured[:, joint], np.nan)
     rows = _kept_rows((measured, before, after), (), most)
     # At rest there are only a few samples, with large time steps, so all of them are shown.
-    stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
+    stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_section(evidence, joint)]
     labels = {"id": f"curves-{joint}", "torque": torque_label(diagnosis, joint), "residual": f"residual [{gap.unit}]"}
     floor = 2 * gap.noise_floor if np.isfinite(gap.noise_floor) else 0
     numbers = _numbers(evidence.t, stretch, rows, (measured, before, after))
@@ -287,8 +287,8 @@ def _numbers(
 ) -> dict[str, Any]:
     """Numbers of an entry: kept samples of a measured curve and of two errors, and the section shown at first."""
     view, names = [float(stretch[0]), float(stretch[-1])], ("measured", "before", "after")
-    kept = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
-    return {"view": view, "t": packed(t[rows], "<f4"), "starts": _curve_starts(t, rows, curves[0]), **kept}
+    scaled_curves = {name: _scaled(curve[rows]) for name, curve in zip(names, curves, strict=True)}
+    return {"view": view, "t": packed(t[rows], "<f4"), "starts": _curve_starts(t, rows, curves[0]), **scaled_curves}
 
 
 def _kept_rows(whole: tuple[Array, ...], parts: tuple[Array, ...], most: int) -> Int[Array, " n"]:

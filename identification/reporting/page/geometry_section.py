@@ -10,7 +10,7 @@ from markupsafe import Markup
 from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import geometry_words as words
-from identification.words.diagnosis_words import share_of_gap, sureness
+from identification.words.diagnosis_words import certainty_words, finding_share
 
 if TYPE_CHECKING:
     from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
@@ -27,7 +27,7 @@ def poses_view(found: GeometryResult) -> dict[str, Any]:
     ``not_testable`` the parameters that these poses do not determine, with the reason.
     """
     return {
-        "sentences": words.sentences(found),
+        "sentences": words.geometry_sentences(found),
         "findings": [_finding(one) for one in (*found.findings, *found.minor)],
         "frames": [_frame(one) for one in found.frames],
         "fitted": [
@@ -49,10 +49,10 @@ def _finding(one: PoseFinding) -> Row:
     """Row of the table of findings."""
     rivals = "; ".join(words.joined([words.place_words(place) for place in rival.places]) for rival in one.rivals)
     return (
-        f"{words.EFFECTS[one.effect]} of {words.carrier(one.effect, one.joint)}",
-        words.sizes_words(one),
-        share_of_gap(one),
-        sureness(one.probability),
+        f"{words.EFFECTS[one.effect]} of {words.place_of(one.effect, one.joint)}",
+        words.finding_sizes(one),
+        finding_share(one),
+        certainty_words(one.probability),
         rivals or "nothing",
     )
 
@@ -65,7 +65,7 @@ def _frame(one: FrameGap) -> Row:
 
 def _bound(one: PoseBound) -> Row:
     """Row of the table of detection limits."""
-    at = words.carrier(one.effect, one.joint)
+    at = words.place_of(one.effect, one.joint)
     return (at, f"{one.effect} {one.parameter}", words.small_words(one.below, one.unit))
 
 
@@ -74,7 +74,7 @@ def _not_testable(found: GeometryResult) -> list[Row]:
     names_by_reason: dict[str, list[str]] = {}
     for one in found.not_testable:
         names_by_reason.setdefault(one.why, []).append(
-            f"{words.carrier(one.effect, one.joint)} {one.effect} {one.parameter}"
+            f"{words.place_of(one.effect, one.joint)} {one.effect} {one.parameter}"
         )
     return [(", ".join(names), why) for why, names in names_by_reason.items()]
 

@@ -20,8 +20,8 @@ from identification.words.numbers_and_names import NO_BREAK, number, percent, wi
 
 Row = tuple[str, ...]
 
-_STANDS_OUT = 1.5  # a regime is emphasised if its share of the energy is at least this multiple of its share of time
-_STANDS_OUT_ALONE = 0.25  # without a share of time, a regime is emphasised from this share of the energy
+_EMPHASIS_RATIO = 1.5  # a regime is emphasised from this ratio of its share of the energy to its share of time
+_EMPHASIS_SHARE = 0.25  # without a share of time, a regime is emphasised from this share of the energy
 _HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # regimes that are half of a motion, with half the energy by chance
 _LEAST = 0.1  # a regime with a smaller share of the energy is never emphasised
 NOT_SHOWN = "not shown by this motion"
@@ -36,7 +36,7 @@ class RegimeShare:
     share: str
     time: str
     width: float
-    stands_out: bool
+    emphasised: bool
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ def gap_row(joint: JointGap, samples: int) -> Row:
         # The interval must not break across lines, also not at the minus sign of a number such as 8.6e-05.
         interval = f"({low} to {high})".replace(" ", NO_BREAK).replace("-", "\N{NON-BREAKING HYPHEN}")
         floor = f"{floor} {interval}"
-    held = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
-    return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, held)
+    held_out = f"{joint.hold_out_samples}{NO_BREAK}of{NO_BREAK}{samples}" if samples else str(joint.hold_out_samples)
+    return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, held_out)
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
@@ -79,7 +79,7 @@ def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
     for regime in sorted(shares, key=lambda name: (-shares[name], list(REGIMES).index(name) if name in REGIMES else 0)):
         share, time = shares[regime], times.get(regime)
         expected = _HALVES.get(regime) if time is None else time
-        least = _STANDS_OUT_ALONE if expected is None else max(_LEAST, _STANDS_OUT * expected)
+        least = _EMPHASIS_SHARE if expected is None else max(_LEAST, _EMPHASIS_RATIO * expected)
         width = 0.0 if math.isnan(share) else 100 * min(max(share, 0.0), 1.0)
         in_time = "" if time is None else percent(time)
         rows.append(RegimeShare(words.capital(regime_words(regime)), percent(share), in_time, width, share >= least))

@@ -38,7 +38,7 @@ NO_SHARE_COLOUR, FULL_SHARE_COLOUR = (
 )
 _GAMMA = 0.7  # exponent of the colour scale, at which a tenth of the largest share is still visible
 _NO_GAP_SHOWN = ("no_gap", "not_testable")  # verdicts for which the whole residual may be noise
-SHOWN = 41
+SLIDER_POSTURES = 41
 """Number of postures of the slider, which take 15 kB of the page for a robot with seven joints."""
 _SOLVED_SAMPLES = 2000  # number of samples at which loops are solved; with less, a solution may jump to another branch
 
@@ -259,8 +259,8 @@ class Postures:
 def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
     """Postures at equal steps through the recording.
 
-    Without samples, only the neutral posture is returned. If the loops of the robot cannot be solved along the
-    recording, only the posture in its middle is returned.
+    The result is only the neutral posture without samples, and only the posture in the middle of the recording if the
+    loops of the robot cannot be solved along it.
     """
     q, t = diagnosis.evidence.q, diagnosis.evidence.t
     finite = np.flatnonzero(np.isfinite(q).all(axis=1)) if q.size else np.zeros(0, dtype=int)
@@ -273,7 +273,7 @@ def postures(robot: Robot, diagnosis: Diagnosis) -> Postures:
         configurations = robot.configuration(q[rows])
     except ChainError:
         return _postures_of(robot, t[[middle_row]], middle_configuration, 0, q[middle_row])
-    shown = np.unique(np.linspace(0, len(rows) - 1, SHOWN).round().astype(int))
+    shown = np.unique(np.linspace(0, len(rows) - 1, SLIDER_POSTURES).round().astype(int))
     index = int(np.argmin(np.abs(rows[shown] - middle_row)))
     times, shown_configurations = t[rows[shown]].copy(), configurations[shown].copy()
     times[index], shown_configurations[index] = t[middle_row], middle_configuration[0]

@@ -235,7 +235,7 @@ def write_outputs(
     json_file: Path | None,
     known: tuple[KnownEffect, ...] = (),
     config: Path | None = None,
-    tell: Callable[[str], None] | None = None,
+    on_missing: Callable[[str], None] | None = None,
     completed: Callable[[Diagnosis], Diagnosis] = lambda diagnosis: diagnosis,
 ) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to another file.
@@ -251,8 +251,7 @@ def write_outputs(
         json_file: Additional file for the JSON; None for none.
         known: Effects that the given model already contains.
         config: The ``robot.yaml`` that was given; None for the one in the folder of the robot's file.
-        tell: Called with a sentence on each file that was not written, and on each finding that a model file cannot
-            contain.
+        on_missing: Called with a sentence on each file that is not written, and each finding that a file lacks.
         completed: Called with the diagnosis after the models are made; adds the proposed experiment.
 
     Returns:
@@ -267,9 +266,9 @@ def write_outputs(
     if out is not None:
         before = len(diagnosis.notes)
         models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
-        if tell is not None:
-            for said in sentences(incomplete_file_notes(diagnosis.notes[before:])):
-                tell(said)
+        if on_missing is not None:
+            for remark in sentences(incomplete_file_notes(diagnosis.notes[before:])):
+                on_missing(remark)
         diagnosis = completed(diagnosis)
         linked_files = (INDEX, *models, *([] if diagnosis.next_motion is None else [NEXT]))
         texts = {REPORT: _report(diagnosis, robot, linked_files), **models}

@@ -25,9 +25,9 @@ from identification.diagnosis.result import (
 from identification.diagnosis.written import WrittenFile
 from identification.engine.claims import Claim
 from identification.geometry.result import GeometryResult
-from identification.reporting.stored.built import built
 from identification.reporting.stored.diagnosis_files import DEPENDENCE_KEYS, INDEX, SCHEMA
 from identification.reporting.stored.geometry_json import geometry_of, is_of_poses
+from identification.reporting.stored.typed_json import from_json
 from identification.words.effect_words import shown_as
 from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.model.files.plain_file import require_plain_file
@@ -67,8 +67,8 @@ class _Document:
 def read_diagnosis(path: str | Path) -> Diagnosis:
     """The diagnosis in a file; numbers that were not finite are NaN.
 
-    Samples, names of recordings, notes and the proposed motion are empty, because the file does not contain them. Files
-    of earlier versions do not contain the name of the robot either.
+    Samples, names of recordings, notes and the proposed motion are empty, because the file does not contain them; so is
+    the name of the robot in files of earlier versions.
 
     Args:
         path: ``diagnosis.json``, or the folder that contains it.
@@ -92,7 +92,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         found = f"has the schema {shortened(str(schema))}" if schema else "is no diagnosis"
         raise LogError(f"{path} {found}, wanted {SCHEMA}: diagnose the recording again with this version.")
     try:
-        return _diagnosis(built(_Document, _fields_of(content)))
+        return _diagnosis(from_json(_Document, _fields_of(content)))
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         reason = shortened(str(error).replace("`", ""), 200)
         raise LogError(f"{path} is not a whole {SCHEMA} ({reason}): diagnose the recording again.") from error

@@ -14,7 +14,7 @@ from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.evidence import Evidence
-from identification.diagnosis.judge.findings.remaining_gap import beside_remaining_gap
+from identification.diagnosis.judge.findings.remaining_gap import lowered_by_remaining_gap
 from identification.diagnosis.result import (
     Bound,
     Diagnosis,
@@ -66,8 +66,8 @@ def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
 def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
     """Diagnosis of backlash and compliance from positions at rest; each rest is predicted by fits without it.
 
-    The load is the modelled weight and the measured external forces. No torque of a drive is used: the torque of a
-    position controller is a function of the position error, and has no information on the transmission.
+    The load is the modelled weight and the measured external forces. No torque of a drive is used: that of a position
+    controller depends only on the position error, and has no information on the transmission.
 
     Args:
         robot: The robot, with its masses and encoders.
@@ -84,7 +84,9 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     rows = sorted(fits, key=lambda row: -abs(fits[row].shift))
     gaps = tuple(_gap(robot, row, every[row], fits.get(row)) for row in range(robot.nv))
     findings = tuple(
-        beside_remaining_gap(finding, gaps) for row in rows for finding in _findings(robot, row, every[row], fits[row])
+        lowered_by_remaining_gap(finding, gaps)
+        for row in rows
+        for finding in _findings(robot, row, every[row], fits[row])
     )
     unexplained = _unexplained(robot, every, fits)
     warnings = [note for row in rows for note in _rest_notes(robot, row, every[row], fits[row])]
@@ -106,7 +108,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         data_warnings=(
             *fault_warnings(recordings),
             *robot.warnings,
-            *(said for recording in recordings for said in recording.said),
+            *(remark for recording in recordings for remark in recording.remarks),
             *warnings,
         ),
         next_experiment=None,
@@ -259,22 +261,22 @@ def _evidence(robot: Robot, every: list[StandstillSamples], fits: dict[int, Rest
     )
 
 
-def claims_at_rest(joint: str, found: RestFits, repeat: float) -> tuple[Claim[EffectAt], ...]:
+def claims_at_rest(joint: str, found: RestFits, repeatability: float) -> tuple[Claim[EffectAt], ...]:
     """Entries of the ledger: one for each effect of the claimed model, and one for each other model.
 
     Args:
         joint: Name of the joint.
         found: Fits to its rests.
-        repeat: Standard deviation of the samples within a rest [rad or m].
+        repeatability: Standard deviation of the samples within a rest [rad or m].
     """
     named = found.models[0].effects if found.models else ()
     # The third model, both effects together, has no entry if it could not be tested.
     tested = REST_MODELS if found.both_needed is not None or not found.models else REST_MODELS[:2]
     names = [(effect,) for effect in named] + [model for model in tested if not set(model) <= set(named)]
-    return tuple(_claim(joint, found, model, repeat) for model in names)
+    return tuple(_claim(joint, found, model, repeatability) for model in names)
 
 
-def _claim(joint: str, found: RestFits, effects: tuple[str, ...], repeat: float) -> Claim[EffectAt]:
+def _claim(joint: str, found: RestFits, effects: tuple[str, ...], repeatability: float) -> Claim[EffectAt]:
     at = tuple(EffectAt(effect, joint) for effect in effects)
     if not found.models:
         return Claim(at, (found.above_chance,), "not_claimed", judged_by="rests")
@@ -284,10 +286,10 @@ def _claim(joint: str, found: RestFits, effects: tuple[str, ...], repeat: float)
     own = next((model for model in found.models if model.effects == effects), None)
     if own is None:  # the model of both effects was rejected, because one of them does not differ from zero
         return Claim(at, gates, "not_claimed", judged_by="rests")
-    figures = {"closes": _gap_closed(found, own, repeat)}
+    figures = {"closes": _gap_closed(found, own, repeatability)}
     if claimed:
         return Claim(at, gates, "claimed", figures=figures, judged_by="rests")
-    figures["floors_more"] = (_rms(own.residual) - _rms(first.residual)) / repeat
+    figures["floors_more"] = (_rms(own.residual) - _rms(first.residual)) / repeatability
     instead = tuple(EffectAt(effect, joint) for effect in first.effects)
     return Claim(at, gates, "displaced", instead, figures, "rests")
 

@@ -84,7 +84,7 @@ def whole_mjcf(path: Path) -> str:
 
 
 @contextmanager
-def unheard_warnings() -> Iterator[None]:
+def silenced_warnings() -> Iterator[None]:
     """Suppress MuJoCo's warnings, which would appear in the terminal and in MUJOCO_LOG.TXT of the working folder.
 
     They warn of simulations that diverge, which is visible from their results anyway.
@@ -107,7 +107,7 @@ def _parsed(path: Path) -> Iterator[mujoco.MjSpec]:
     """The parsed file, in which all bodies and joints have names; the errors of MuJoCo become a `RobotError`."""
     import mujoco
 
-    with unheard_warnings():
+    with silenced_warnings():
         try:
             spec = mujoco.MjSpec.from_file(str(path))
             _give_names(spec.bodies, "body")

@@ -22,7 +22,7 @@ from identification.data.readers.read_table import read_table
 from identification.data.reading import read_recording
 from identification.pipeline import diagnose
 from identification.reporting.stored.diagnosis_files import json_text
-from identification.words.ledger_words import listed, why
+from identification.words.ledger_words import claims_text, why
 from made_up_diagnosis import made_up_diagnosis
 from phantom_dyn import __version__
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -77,7 +77,7 @@ def file(tmp_path):
 def test_it_prints_why_an_effect_is_not_named(file, capsys, joint):
     words = ["why", str(file.parent), "torque_offset", *([] if joint is None else ["--joint", joint])]
     assert main(words) == 0
-    assert capsys.readouterr().out == listed(why(made_up_diagnosis(), "torque_offset", joint)) + "\n"
+    assert capsys.readouterr().out == claims_text(why(made_up_diagnosis(), "torque_offset", joint)) + "\n"
 
 
 def test_a_diagnosis_without_a_ledger_is_read_and_refused_in_one_sentence(file, capsys):

@@ -9,7 +9,7 @@ import phantom_dyn as dyn
 from identification.data.recording import Recording
 from identification.data.signals import process
 from identification.diagnosis.columns.motion.standstill import standing_still
-from identification.diagnosis.judge.moved_by_noise import _strong_up_to
+from identification.diagnosis.judge.strong_motion import _strong_up_to
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot

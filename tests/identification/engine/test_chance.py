@@ -13,9 +13,9 @@ from identification.engine.claims import (
     Claim,
     GateResult,
     easiest_test,
-    fails_worst,
     until_failed,
     until_nothing_changes,
+    worst_failure,
 )
 from identification.engine.resampling import (
     REPLICATES,
@@ -133,15 +133,15 @@ def test_a_claim_has_failed_the_one_gate_that_it_did_not_pass():
 
 def test_what_fails_worst_is_furthest_below_what_it_needs_in_parts_of_it():
     # By hand: 30 of 100 is less than 1 of 2, and 5 of 1 passes.
-    assert fails_worst({"a": result(1.0, 2.0), "b": result(30.0, 100.0), "c": result(5.0)}) == "b"
+    assert worst_failure({"a": result(1.0, 2.0), "b": result(30.0, 100.0), "c": result(5.0)}) == "b"
 
 
 def test_nothing_fails_worst_where_all_pass():
-    assert fails_worst({"a": result(2.0)}) is None
+    assert worst_failure({"a": result(2.0)}) is None
 
 
 def test_where_nothing_is_needed_the_figure_itself_is_compared():
-    assert fails_worst({"a": result(-1.0, 0.0), "b": result(-3.0, 0.0)}) == "b"
+    assert worst_failure({"a": result(-1.0, 0.0), "b": result(-3.0, 0.0)}) == "b"
 
 
 def test_a_gate_of_several_ways_is_passed_by_any_of_them_and_asks_no_further():

@@ -14,7 +14,7 @@ from identification.geometry.diagnose_poses import diagnose_poses
 from identification.geometry.measured import measured_poses
 from identification.geometry.result import GeometryResult
 from identification.geometry.stated_frames import problem_of
-from identification.words.geometry_words import sentences
+from identification.words.geometry_words import geometry_sentences
 from phantom_dyn.errors import ParameterError
 
 AT_ROOT = (0, 0, 0, 0, 0, 0)
@@ -114,7 +114,7 @@ def test_a_tracker_that_was_moved_a_little_between_recordings_is_not_in_the_root
 def test_sentences_say_what_is_elsewhere_and_in_which_frame(ur10, tracked):
     result = diagnose_poses(ur10, (tracked(51, base=(0.003, 0, 0, 0, 0, 0)),))
     assert result is not None
-    gap, cause, left = sentences(result)
+    gap, cause, left = geometry_sentences(result)
     assert gap.startswith("Measured poses: tool0 is off by ")
     assert gap.endswith(" (rms) in the robot's root frame.")
     assert cause.startswith("A wrong pose of the base, by 3.0")

@@ -18,8 +18,8 @@ from identification.diagnosis.result import Bound, Diagnosis, Finding, Judgement
 from identification.notes import Code, Note
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
+from identification.scenarios.gain_ambiguities import without_gain_ambiguities
 from identification.scenarios.gain_or_load import preferred_diagnosis, scales_by_friction, with_scaled_gains
-from identification.scenarios.motion_limits import without_gain_ambiguities
 from identification.scenarios.motion_only import limited_controller_torque, states_controllers, with_controller_torque
 from identification.scenarios.recordings_file import read_changes
 from identification.words.note_words import sentence
@@ -84,7 +84,7 @@ def test_the_torque_of_a_higher_gain_is_as_many_times_larger(driven, estimated):
 
 def test_the_warning_names_both_gains_in_place_of_the_old_one(driven, estimated):
     _, (recording,) = with_scaled_gains(driven, (estimated,), {"pin": 1.5})
-    other, note = recording.said
+    other, note = recording.remarks
     assert (other, note.code) == ("other", Code.GAIN_BY_FRICTION)
     words = sentence(note)
     assert (

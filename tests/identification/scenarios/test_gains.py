@@ -18,7 +18,7 @@ from identification.diagnosis.columns.session import session_of
 from identification.notes import Note
 from identification.pipeline import diagnose
 from identification.scenarios.gains import Gains, estimated_gains, joints_without_stated_gains, with_estimated_gains
-from identification.scenarios.motion_only import motion_robot, states_controllers, with_commanded_torque
+from identification.scenarios.motion_only import commanded_robot, states_controllers, with_commanded_torque
 from identification.scenarios.protected_drives import protection_notes
 from identification.scenarios.torque_or_motion import driven_by_controllers, torque_or_motion
 from identification.words.note_words import sentence, sentences
@@ -217,7 +217,7 @@ def held(robot, rate: float) -> Recording:
 
 def left(robot, recording: Recording) -> np.ndarray:
     """What the torque that the stated gains ask for leaves of the model, over the torque, root mean squares."""
-    log = process(with_commanded_torque(recording, robot), motion_robot(robot))
+    log = process(with_commanded_torque(recording, robot), commanded_robot(robot))
     inside = slice(len(log.motion.t) // 20, -len(log.motion.t) // 20)
     rest = (log.tau - inverse_dynamics(robot, log.motion))[inside]
     return np.sqrt((rest**2).mean(axis=0) / (log.tau[inside] ** 2).mean(axis=0))
@@ -243,7 +243,7 @@ def servo(kind: str, seed: int, folder: Path) -> tuple[Robot, Recording, DriveLo
     assert loop is not None
     drive = robot.actuators[0]
     controller = Controller(kp=loop.gain * per_volt(drive), kd=per_speed(drive))
-    stated = motion_robot(replace(robot, actuators=(replace(drive, controller=controller),)))
+    stated = commanded_robot(replace(robot, actuators=(replace(drive, controller=controller),)))
     return stated, replace(measured, tau=None, voltage=None, loops=(), torque_from={}, velocity_gain=None), loop
 
 

@@ -12,9 +12,9 @@ from identification.diagnosis.result import EffectAt, Judgement, Value
 from identification.engine.claims import Claim
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
+from identification.scenarios.gain_ambiguities import without_gain_ambiguities
 from identification.scenarios.gains import estimated_gains
-from identification.scenarios.motion_limits import without_gain_ambiguities
-from identification.scenarios.motion_only import limited_controller_torque, motion_robot, with_commanded_torque
+from identification.scenarios.motion_only import commanded_robot, limited_controller_torque, with_commanded_torque
 from identification.words.note_words import sentences
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
@@ -63,7 +63,7 @@ def cause(effect: str, joint: str | None, *theta: float) -> Cause:
 def rubbing(pendulum):
     """Diagnosis of a pendulum with 1 N m more Coulomb friction than modelled, from positions alone."""
     recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
-    return diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
+    return diagnose(commanded_robot(pendulum), (with_commanded_torque(recording, pendulum),))
 
 
 def test_the_torque_is_the_one_that_the_simulated_controller_asked_for(pendulum):
@@ -239,9 +239,9 @@ def test_what_controllers_ask_for_keeps_its_band(pendulum):
     # Under a soft controller the torque has nothing above 2 Hz, which is no recorder's smoothing: the motion says 4 Hz.
     recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
     asked = with_commanded_torque(recording, pendulum)
-    wide = process_all((asked,), motion_robot(pendulum))[1]
-    assert wide >= process_all((replace(asked, controlled=False),), motion_robot(pendulum))[1]
-    (log,), _ = process_all((asked,), motion_robot(pendulum))
+    wide = process_all((asked,), commanded_robot(pendulum))[1]
+    assert wide >= process_all((replace(asked, controlled=False),), commanded_robot(pendulum))[1]
+    (log,), _ = process_all((asked,), commanded_robot(pendulum))
     assert usable_samples(log).mean() > 0.8
 
 
@@ -249,7 +249,7 @@ def test_what_controllers_ask_for_keeps_its_band(pendulum):
 def late(pendulum):
     """Diagnosis of a pendulum whose references arrive 25 ms late, from positions alone."""
     recording, _ = moved(pendulum, cause("reference_delay", "pin", 0.025))
-    return diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
+    return diagnose(commanded_robot(pendulum), (with_commanded_torque(recording, pendulum),))
 
 
 def test_a_late_reference_is_named_with_its_delay(late):
@@ -263,7 +263,7 @@ def test_a_late_reference_is_simulated_in_the_closed_loop(late):
 
 
 def test_references_in_time_are_not_late(pendulum, recording):
-    found = diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
+    found = diagnose(commanded_robot(pendulum), (with_commanded_torque(recording, pendulum),))
     assert found.findings == ()
 
 
@@ -281,20 +281,20 @@ def held(robot: Robot, rate: float = 40.0) -> Recording:
 
 def test_a_held_reference_is_no_gap_where_it_is_said(pendulum):
     robot = replace(pendulum, reference_hold="zoh")
-    found = diagnose(motion_robot(robot), (with_commanded_torque(held(robot), robot),))
+    found = diagnose(commanded_robot(robot), (with_commanded_torque(held(robot), robot),))
     assert found.findings == ()
 
 
 def test_a_held_reference_is_half_a_frame_late_where_nobody_says_so(pendulum):
     # Closed form: a step that lasts for 25 ms is on average 12.5 ms late.
-    found = diagnose(motion_robot(pendulum), (with_commanded_torque(held(pendulum), pendulum),))
+    found = diagnose(commanded_robot(pendulum), (with_commanded_torque(held(pendulum), pendulum),))
     assert [finding.effect for finding in found.findings] == ["reference_delay"]
     assert found.findings[0].parameters["delay"].value == pytest.approx(0.0125, abs=0.002)
 
 
 def test_a_format_that_holds_references_needs_no_key(pendulum):
     recording = replace(held(pendulum), references_held=True)
-    assert diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),)).findings == ()
+    assert diagnose(commanded_robot(pendulum), (with_commanded_torque(recording, pendulum),)).findings == ()
 
 
 def test_the_largest_voltage_bounds_what_follows_the_reference(pendulum, recording):

@@ -9,13 +9,13 @@ from identification.data import signals
 from identification.data.signals import process_all
 from identification.notes import Code
 from identification.pipeline import DiagnosisWithoutPlan
-from identification.scenarios.other_bands import differ, in_other_band, shows_gap
+from identification.scenarios.other_bands import are_distinct_bands, shows_gap, with_band_note
 from identification.words.note_words import sentence
 
 
 @pytest.mark.parametrize(("other", "expected"), [(2.5, True), (8.0, False), (10.0, False), (15.0, True)])
 def test_two_bands_are_judged_separately_from_half_as_much_again(other, expected):
-    assert differ(10.0, other) == expected
+    assert are_distinct_bands(10.0, other) == expected
 
 
 @pytest.mark.parametrize(("times", "expected"), [(1.9, False), (2.1, True)])
@@ -58,5 +58,5 @@ def test_no_gap_is_stated_only_if_no_other_band_shows_one(lab, planar2, made_up,
 
 @pytest.mark.parametrize(("edge", "why"), [(2.0, "noise of higher frequencies hides it"), (32.0, "left out")])
 def test_the_note_says_why_the_chosen_band_shows_no_gap(made_up, edge, why):
-    found = in_other_band(replace(made_up(), band_hz=(0.0, edge)), replace(made_up(), band_hz=(0.0, 8.0)))
+    found = with_band_note(replace(made_up(), band_hz=(0.0, edge)), replace(made_up(), band_hz=(0.0, 8.0)))
     assert why in sentence(found.notes[-1])

@@ -104,7 +104,7 @@ def test_rivals_are_named_most_probable_first(made_up, own, text):
     ],
 )
 def test_a_probability_is_words_and_number(probability, text):
-    assert words.sureness(probability).replace(NO_BREAK, " ") == text
+    assert words.certainty_words(probability).replace(NO_BREAK, " ") == text
 
 
 def test_a_coupling_names_both_joints_and_a_plus_in_a_name_stays():
@@ -294,12 +294,12 @@ def test_a_finding_with_less_than_half_of_the_probability_is_undecided(made_up):
 
 def test_an_interval_that_says_no_more_than_the_share_is_left_out(made_up):
     finding = dataclasses.replace(made_up().findings[0], gap_closed=0.999, gap_closed_interval=(0.998, 0.9995))
-    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "over 99 %"
+    assert words.finding_share(finding).replace(NO_BREAK, " ") == "over 99 %"
 
 
 def test_the_share_is_reported_where_it_is_known(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=0.71)
-    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "71 %"
+    assert words.finding_share(finding).replace(NO_BREAK, " ") == "71 %"
 
 
 @pytest.mark.parametrize(
@@ -324,14 +324,14 @@ def test_an_interval_that_says_no_more_is_left_out(share, interval, said):
 
 def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=-0.09, gap_closed=0.12)
-    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "none on average, 12 % if added last"
-    assert words.of_the_gap(finding).replace(NO_BREAK, " ") == "none of the gap on average, 12 % if added last"
+    assert words.finding_share(finding).replace(NO_BREAK, " ") == "none on average, 12 % if added last"
+    assert words.share_of_gap_words(finding).replace(NO_BREAK, " ") == "none of the gap on average, 12 % if added last"
 
 
 def test_a_finding_that_closes_nothing_on_held_out_data_has_no_measurable_part(made_up):
     # Where noise alone is left there, shares are of nothing and may be -1417 %.
     finding = dataclasses.replace(made_up().findings[0], share=-14.2, gap_closed=-14.2)
-    assert words.of_the_gap(finding) == "no measurable part of the gap"
+    assert words.share_of_gap_words(finding) == "no measurable part of the gap"
 
 
 def test_the_verdict_names_the_largest_share_first(made_up):

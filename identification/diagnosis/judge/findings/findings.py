@@ -1,13 +1,12 @@
-"""Makes findings of the shown effects: parameters, closed share of the gap, rivals, and notes on their sizes.
+"""Makes a finding of each shown effect: parameters, closed share of the gap, rivals, and notes on its size.
 
 Two notes need an explanation:
 
 - Sum of a drive. While a joint follows its reference, back-EMF, viscous friction and a late reference all cause a
-  torque proportional to the speed. A recording of a drive that is fed by a voltage shows only the sum of the three.
-  Motor constants, or recordings with another gain of the loop, are needed to separate them.
-- One-sided intervals. The estimate of inertial parameters may be at the limit of possible bodies. Bodies beyond the
-  limit have a negative mass or moment of inertia, or a centre of mass out of reach. So the interval of the estimate
-  reaches to one side only.
+  torque proportional to the speed. A voltage-driven recording shows only the sum of the three. Motor constants, or
+  recordings with another gain of the loop, separate them.
+- One-sided intervals. The estimate of inertial parameters may be at the limit of possible bodies. Beyond it, bodies
+  have a negative mass or moment of inertia, or a centre of mass out of reach, so the interval has one side only.
 """
 
 from __future__ import annotations
@@ -24,16 +23,16 @@ from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, positions_of_bodies, possible_minimum
-from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.judge.findings.held_torque import held_references_imitate
 from identification.diagnosis.judge.findings.imitation import (
-    UNCERTAIN,
-    beside_imitation,
+    LARGEST_PROBABILITY,
     imitation_of,
     is_inertial_or_scale,
     joints_on_lines,
     joints_with_computed_torque,
     joints_with_unmodelled_forces,
+    with_imitation,
     with_limit,
 )
 from identification.diagnosis.judge.findings.missing_parts import missing_part_notes
@@ -50,15 +49,15 @@ from identification.diagnosis.judge.findings.shown_numbers import (
     with_unknown_marked,
 )
 from identification.diagnosis.judge.findings.sound_sizes import size_notes
-from identification.diagnosis.judge.findings.untestable_rivals import beside_untestable_rivals
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.findings.untestable_rivals import with_untestable_rivals
+from identification.diagnosis.judge.judged_band import JudgedBand
 from identification.diagnosis.judge.shares import drawn_blocks, gap_of, residual_sums_with, shares_of
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.claims import rows_of_term
 from identification.engine import contract_levels
 from identification.engine.numerics.bounded import solve
 from identification.gates.least_size import large_enough
-from identification.notes import Code, Note, Said
+from identification.notes import Code, Note, Remark
 from phantom_dyn.array_types import Array, Float, Int
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.model.inertia import payload_body
@@ -67,17 +66,17 @@ from phantom_dyn.random_streams import random_stream
 
 _DRAWS = 200  # random draws of the parameters; the ends of a 95 % interval are the fifth lowest and the fifth highest
 # An interval counts as one-sided if the limit to possible bodies reduces it to less than this share of its width.
-_NARROWER = 0.8
-_SAME_PLACE = 1e-4  # positions of a payload in two frames count as equal within this distance [m]
+_ONE_SIDED_SHARE = 0.8
+_SAME_POSITION = 1e-4  # positions of a payload in two frames count as equal within this distance [m]
 # If a ratio of torque constants differs from one by more, a wrong constant is an improbable cause.
 _FAR_FROM_ONE = 0.25
 
 
-def size_remarks(shown: Shown) -> tuple[Said, ...]:
+def size_remarks(shown: ShownEffects) -> tuple[Remark, ...]:
     """Notes on the sizes of findings, such as one-sided intervals, missing parts and implausible sizes."""
     robot = shown.problem.session.robot
     of_drives = (*drive_sum_notes(shown), *volts_notes(shown), *held_torque_notes(shown))
-    out = list[Said]((*of_drives, *one_sided_notes(shown), *center_notes(shown)))
+    out = list[Remark]((*of_drives, *one_sided_notes(shown), *center_notes(shown)))
     for term in ordered(shown.named):
         effect, own = term.effect, shown.full_fit.coefficients(term)
         assert isinstance(effect, Effect)
@@ -85,8 +84,8 @@ def size_remarks(shown: Shown) -> tuple[Said, ...]:
             out += sum_notes(robot, term)
             out += missing_part_notes(shown.problem, term, own)
             out += possible_load_notes(robot, term, own, shown.full_fit.presence_covariance(term))
-        elif said := effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape)):
-            out.append(said)
+        elif remark := effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape)):
+            out.append(remark)
     return (*out, *size_notes(shown))
 
 
@@ -109,25 +108,25 @@ class FindingWithout:
     minor: bool = False
 
 
-def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[FindingWithout, ...]:
+def findings_of(shown: ShownEffects, judged: JudgedBand, within: ResidualSums) -> tuple[FindingWithout, ...]:
     """Each named effect as a finding, with the torque of the corrected model without this finding.
 
     Args:
         shown: The effects that passed all gates.
-        judge: Problem and noise floor of the judged band.
+        judged: Problem and noise floor of the judged band.
         within: Residual of the model adjusted within its tolerances.
     """
-    plain, problem, chosen, floor = shown.plain, shown.problem, shown.chosen, judge.floor
+    plain, problem, chosen, floor = shown.plain, shown.problem, shown.chosen, judged.floor
     robot, after = problem.session.robot, residual_sums_with(plain, chosen)
     fitted = widened_by_rivals(widened_by_tolerances(shown.full_fit, plain, chosen), shown)
     equal_weights, drawn = np.ones((1, len(within.counts))), drawn_blocks(within)
-    shares = shares_of(judge, plain, shown.named)
+    shares = shares_of(judged, plain, shown.named)
     on_lines, in_sines = joints_on_lines(problem.session), problem.session.in_one_sine
     computed_torque = joints_with_computed_torque(problem.session)
     unmodelled = joints_with_unmodelled_forces(robot)
 
     def gap_share(without: ResidualSums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
-        return (without.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judge, within, after, weights)
+        return (without.loss(floor, weights) - after.loss(floor, weights)) / gap_of(judged, within, after, weights)
 
     out = []
     for term in ordered(shown.named):
@@ -135,13 +134,14 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
         comparison = shown.comparisons[term]
         rows = rows_of_term(problem, term)
         if not on_lines.isdisjoint(rows) or (is_inertial_or_scale(term) and not in_sines.isdisjoint(rows)):
-            comparison = with_limit(beside_imitation(comparison, imitation_of(plain, chosen, term)), term, UNCERTAIN)
+            comparison = with_imitation(comparison, imitation_of(plain, chosen, term))
+            comparison = with_limit(comparison, term, LARGEST_PROBABILITY)
         if not computed_torque.isdisjoint(rows):
             comparison = with_limit(comparison, term, contract_levels.DOUBTED)
         own = shown.full_fit.coefficients(term)
         if not unmodelled.isdisjoint(rows) or held_references_imitate(problem.session, term, own):
             comparison = replace(comparison, probability=min(comparison.probability, contract_levels.DOUBTED))
-        comparison = beside_untestable_rivals(problem, term, own, comparison)
+        comparison = with_untestable_rivals(problem, term, own, comparison)
         low, high = np.percentile(gap_share(without, drawn), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,
@@ -166,7 +166,7 @@ def findings_without(shown: Shown, judge: Judge, within: ResidualSums) -> tuple[
     return tuple(out)
 
 
-def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
+def drive_sum_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on the sum of a drive for each voltage-driven joint with viscous friction or a late reference as finding.
 
     Args:
@@ -200,12 +200,12 @@ def drive_sum_notes(shown: Shown) -> tuple[Note, ...]:
     return tuple(out)
 
 
-def volts_notes(shown: Shown) -> tuple[Note, ...]:
+def volts_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on joints whose recorded torque may be a voltage, because it is scaled and includes viscous friction.
 
-    The voltage of a motor is torque times resistance over torque constant, plus speed times torque constant. So a
-    voltage that is taken for a torque looks like a wrong torque constant with viscous friction. The torque constant may
-    be a finding or a rival of a finding, because on a single joint a load may have a similar torque.
+    The voltage of a motor is torque times resistance over torque constant, plus speed times torque constant. Taken for
+    a torque, it looks like a wrong torque constant with viscous friction. The torque constant may be a finding or a
+    rival of one, because on a single joint a load may have a similar torque.
 
     Args:
         shown: The findings, with the fit of all their parameters.
@@ -234,7 +234,7 @@ def volts_notes(shown: Shown) -> tuple[Note, ...]:
     return tuple(out)
 
 
-def held_torque_notes(shown: Shown) -> tuple[Note, ...]:
+def held_torque_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on joints whose viscous friction may be a torque read at a fixed time after each held reference.
 
     Args:
@@ -247,7 +247,7 @@ def held_torque_notes(shown: Shown) -> tuple[Note, ...]:
     return (Note(Code.HELD_TORQUE, None, {"joints": joints}),) if joints else ()
 
 
-def center_notes(shown: Shown) -> tuple[Note, ...]:
+def center_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on each found payload whose position has other numbers in a ``recordings.yaml``.
 
     Findings state the position in the frame of the joint that moves the link. A ``recordings.yaml`` states it in the
@@ -265,7 +265,7 @@ def center_notes(shown: Shown) -> tuple[Note, ...]:
         # Coordinates that the motion does not determine are near zero by their prior. They do not change the torque.
         center = np.array([value.numbers[0] for value in coordinates])
         written = written_center(robot, center)
-        if not np.allclose(written, center, rtol=0.0, atol=_SAME_PLACE):
+        if not np.allclose(written, center, rtol=0.0, atol=_SAME_POSITION):
             joint = str(robot.model.names[payload_body(robot)])
             out.append(Note(Code.CENTER_TO_WRITE, joint, {"frame": robot.payload_frame, "center": written.tolist()}))
     return tuple(out)
@@ -274,11 +274,7 @@ def center_notes(shown: Shown) -> tuple[Note, ...]:
 def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | None:
     """Torque per speed on a joint for one unit of an effect's only parameter; None if there is no such torque.
 
-    Args:
-        robot: The given model.
-        term: The effect.
-        row: Index of the joint.
-        gain: Torque per unit of the reference [N m/rad or N/m]; zero if the torque does not depend on references.
+    ``gain`` is the torque per unit of the reference [N m/rad or N/m]; zero if the torque does not depend on references.
     """
     effect, joint = term.effect, robot.joint_names[row]
     if not isinstance(effect, Effect) or effect.inertial is not None or term.joint not in (None, joint):
@@ -292,7 +288,7 @@ def _per_speed_of(robot: Robot, term: Term, row: int, gain: float) -> float | No
     return effect.model_numbers(robot, term.joint, one).viscous or None
 
 
-def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
+def one_sided_notes(shown: ShownEffects) -> tuple[Note, ...]:
     """A note on each finding of inertial parameters with intervals that end at the limit of possible bodies.
 
     Args:
@@ -303,7 +299,7 @@ def one_sided_notes(shown: Shown) -> tuple[Note, ...]:
     return tuple(Note(Code.ONE_SIDED, joint, {"intervals": own}) for joint, own in intervals if own)
 
 
-def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, float, str]]:
+def _one_sided_intervals(shown: ShownEffects, term: Term) -> list[tuple[str, float, float, str]]:
     """Name, lower end, upper end and unit of each one-sided interval of a finding's parameters.
 
     The intervals are those of random draws of the estimate, each replaced by the nearest possible body.
@@ -325,7 +321,7 @@ def _one_sided_intervals(shown: Shown, term: Term) -> list[tuple[str, float, flo
     return [
         (one.name, float(low[k]), float(high[k]), one.unit)
         for k, one in enumerate(stated)
-        if 0.0 < high[k] - low[k] < _NARROWER * width[k]
+        if 0.0 < high[k] - low[k] < _ONE_SIDED_SHARE * width[k]
     ]
 
 

@@ -1,7 +1,7 @@
 """Searches for a few effects whose sum imitates a finding, if joints move along one line or in one sine.
 
 In such motions the torque of each joint is a function of one variable, so that a sum of laws may imitate another law.
-A comparison with single rivals does not show this. So a greedy search adds up to three effects that together make the
+A comparison with single rivals does not show this. So a greedy search adds up to three effects whose sum makes the
 torque of a finding, while the sizes of the other findings may change. In one sine only loads, links and torque scales
 are tested, because friction can be identified there.
 """
@@ -27,9 +27,9 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 # Largest number of effects in a sum.
-_MOST = 3
+_MOST_EFFECTS = 3
 # Largest probability of a load, of links and of torque scales in such motions: sums of more effects may imitate them.
-UNCERTAIN = 0.85
+LARGEST_PROBABILITY = 0.85
 
 
 def joints_on_lines(session: Session) -> frozenset[int]:
@@ -44,7 +44,7 @@ def is_inertial_or_scale(term: Term) -> bool:
 
 
 def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Term, ...] | None:
-    """Effects whose sum makes the torque of a finding up to a tenth of its amplitude; the others may have any size.
+    """Effects whose sum makes the torque of a finding up to a tenth of its amplitude, with other findings of any size.
 
     Args:
         search: Rivals, and the products of their columns.
@@ -77,13 +77,13 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
         and not rows.isdisjoint(rows_of_term(search.problem, other))
     ]
     taken: tuple[Term, ...] = ()
-    for _ in range(_MOST + 1):
+    for _ in range(_MOST_EFFECTS + 1):
         fitted = np.array(sorted({*others, *(column for one in taken for column in one.columns)}), dtype=int)
         inner = a[np.ix_(fitted, fitted)] + np.diag(precision[fitted])
         x = solve(inner, target[fitted])
         if energy - float(target[fitted] @ x) < rules.SAME_CAUSE * energy:
             return taken
-        if len(taken) == _MOST or not pool:
+        if len(taken) == _MOST_EFFECTS or not pool:
             break
         # Products of all columns with the part of the torque that is not imitated yet, and the gain of each further
         # effect: how much of that part it would explain.
@@ -97,7 +97,7 @@ def imitation_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[T
     return None
 
 
-def beside_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | None) -> RivalComparison:
+def with_imitation(comparison: RivalComparison, imitation: tuple[Term, ...] | None) -> RivalComparison:
     """The comparison of a finding, with a sum of effects as an equally probable rival.
 
     Args:

@@ -20,13 +20,15 @@ from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import body_parameters, payload_body
 
 
-def likeliest_missing_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:
+def likeliest_missing_part(
+    problem: Problem, term: Term, changes: Float[Array, " k"]
+) -> tuple[float, int, Attached] | None:
     """The part of the model whose absence explains most of the torque of wrong inertial parameters.
 
     Args:
         problem: Holds the products of columns.
         term: Free inertial parameters.
-        own: Changes of these parameters, ``(k,)``.
+        changes: Changes of these parameters, ``(k,)``.
 
     Returns:
         Explained share of the squared torque, index of the body, and the part; None if the model has no such part.
@@ -37,7 +39,7 @@ def likeliest_missing_part(problem: Problem, term: Term, own: Float[Array, " k"]
     columns = np.arange(first, first + 10 * (robot.model.njoints - 1))
     a = problem.total_a[np.ix_(columns, columns)]
     change = np.zeros(len(columns))
-    change[np.array(term.columns) - first] = own
+    change[np.array(term.columns) - first] = changes
     energy = max(float(change @ a @ change), 1e-300)
     found: list[tuple[float, int, Attached]] = []
     for body in range(1, robot.model.njoints):
@@ -55,7 +57,7 @@ def payload_term(search: Search) -> Term | None:
 
 
 def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) -> dict[Term, float]:
-    """Share of the squared torque of each term of inertial parameters that the absence of a part of the model explains.
+    """For each finding of inertial parameters, the share of its squared torque that the absence of a part explains.
 
     Ten free parameters of a link explain a little more than a known part does, as links are never exactly as modelled.
     But a part that is not mounted is the more probable cause.
@@ -66,7 +68,7 @@ def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) ->
         fitted: Fit of all their parameters.
 
     Returns:
-        The share for each finding of free inertial parameters; empty if no payload is among the rivals.
+        The shares; empty if no payload is among the rivals.
     """
     if payload_term(plain) is None:
         return {}
@@ -75,7 +77,7 @@ def missing_part_shares(plain: Search, kept: Iterable[Term], fitted: FullFit) ->
 
 
 def bodies_expressing_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[EffectJoint]:
-    """Free inertial parameters that would express the absence of a part, as a negative payload of the set does already.
+    """Free inertial parameters that only express the absence of a part, which a payload in the set expresses, too.
 
     Args:
         search: Rivals and fits.
@@ -88,15 +90,15 @@ def bodies_expressing_part(search: Search, chosen: frozenset[Term], payload: Ter
     return frozenset(term.effect_joint for term, part in shares.items() if not more_than_a_missing_part(part).passed)
 
 
-def _share_of_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> float:
+def _share_of_part(problem: Problem, term: Term, changes: Float[Array, " k"]) -> float:
     """Share of `likeliest_missing_part` if that part is on the link that carries payloads, else zero."""
-    found = likeliest_missing_part(problem, term, own)
+    found = likeliest_missing_part(problem, term, changes)
     return found[0] if found is not None and found[1] == payload_body(problem.session.robot) else 0.0
 
 
-def missing_part_notes(problem: Problem, term: Term, own: Float[Array, " k"]) -> list[Note]:
+def missing_part_notes(problem: Problem, term: Term, changes: Float[Array, " k"]) -> list[Note]:
     """A note if the absence of a part explains most of what inertial parameters explain."""
-    found = likeliest_missing_part(problem, term, own)
+    found = likeliest_missing_part(problem, term, changes)
     if found is None or found[0] < special_case.PART_SHARE:
         return []
     share, _, part = found

@@ -1,9 +1,9 @@
 """Lowers the probability of a finding if a cause outside the catalogue may explain the recordings as well.
 
-Structures without a name stand for causes outside the catalogue. Because they are flexible, the search claims one only
-if it gains more than the best effects. But an effect may gain as much without being the cause: a contact over half of a
-motion has a torque like that of a spring. So structures are compared with a finding in the same bootstrap replicates as
-its rivals.
+Structures without a name (flexible torques of the state) represent causes outside the catalogue. The search claims a
+structure only if it gains more than the best effects. But an effect may gain as much without being the cause: a contact
+over half of a motion has a torque like that of a spring. So structures are compared with a finding in the same
+bootstrap replicates as its rivals.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from identification.gates import exchange
 from phantom_dyn.array_types import Array, Float
 
 
-def beside_structures(
+def weighed_with_structures(
     search: Search,
     chosen: frozenset[Term],
     term: Term,
@@ -42,17 +42,17 @@ def beside_structures(
         comparison: Comparison of the finding with its rivals of the catalogue.
         other_conditions: The search under other conditions that should not change the result.
     """
-    known = _share_of_known(search, chosen, term, comparison, other_conditions)
+    known = _share_of_known_causes(search, chosen, term, comparison, other_conditions)
     if known > 1.0 - contract_levels.LISTED:
         return comparison
-    kept = [rival for rival in comparison.rivals if known * rival.probability >= contract_levels.LISTED]
+    listed_rivals = [rival for rival in comparison.rivals if known * rival.probability >= contract_levels.LISTED]
     # Rivals that are no longer listed leave their probability to the finding and the other rivals.
-    factor = known / (comparison.probability + sum(rival.probability for rival in kept))
-    rivals = tuple(Rival(rival.effects, factor * rival.probability) for rival in kept)
+    factor = known / (comparison.probability + sum(rival.probability for rival in listed_rivals))
+    rivals = tuple(Rival(rival.effects, factor * rival.probability) for rival in listed_rivals)
     return replace(comparison, probability=factor * comparison.probability, rivals=rivals)
 
 
-def _share_of_known(
+def _share_of_known_causes(
     search: Search,
     chosen: frozenset[Term],
     term: Term,

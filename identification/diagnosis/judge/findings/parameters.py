@@ -18,19 +18,18 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
-# If the standard deviation of a number is more than this share of that of its prior, the recording does not determine
-# the number.
-_OF_PRIOR = 0.5
+# The recording does not determine a number whose standard deviation is more than this share of that of its prior.
+_LARGEST_SHARE_OF_PRIOR_STD = 0.5
 _SAMPLES = 200  # random postures; they give far more rows than an effect has base parameters
 
 
 def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, Value]:
     """Parameters of one finding by name, each with value, standard deviation and unit.
 
-    Standard deviations are those of the fit of all parameters, propagated through the law to first order. They are
-    infinite for numbers with more than half the standard deviation of their prior: the recordings hardly determine
-    these. Of inertial parameters only the base parameters are returned, because motion determines no others. If the
-    parameters of an effect are lists, so are their values and standard deviations.
+    Standard deviations come from the fit of all parameters, propagated through the law to first order. Those above half
+    the standard deviation of the prior are infinite: the recordings hardly determine these numbers. Of inertial
+    parameters only the base parameters are returned, because motion determines no others. If the parameters of an
+    effect are lists, so are their values and standard deviations.
 
     Args:
         robot: The given model.
@@ -42,7 +41,7 @@ def finding_parameters(robot: Robot, term: Term, fitted: FullFit) -> dict[str, V
     parameters, values, slope = _stated_law(robot, term, fitted)
     std = np.sqrt(np.maximum(np.diag(slope @ fitted.cov[np.ix_(at, at)] @ slope.T), 0.0))
     of_prior = np.linalg.norm(slope * np.sqrt(fitted.prior[at]), axis=1)
-    std = np.where(std > _OF_PRIOR * of_prior, np.inf, std)
+    std = np.where(std > _LARGEST_SHARE_OF_PRIOR_STD * of_prior, np.inf, std)
     return _values_by_name(parameters, values, std, lists=effect.takes_lists(robot, term.joint))
 
 
@@ -108,7 +107,7 @@ def base_parameters(robot: Robot, term: Term) -> tuple[tuple[Parameter, ...], Fl
         robot: The given model.
         term: A finding of free inertial parameters.
     """
-    base, parameters = _reduced(robot, term)
+    base, parameters = _base_of_bodies(robot, term)
     mix = np.zeros((base.rank, len(parameters)))
     mix[np.arange(base.rank), list(base.independent)] = 1.0
     mix[:, list(base.dependent)] = base.grouping
@@ -122,22 +121,22 @@ def sum_notes(robot: Robot, term: Term) -> tuple[Note, ...]:
         robot: The given model.
         term: A finding of free inertial parameters.
     """
-    base = _reduced(robot, term)[0]
+    base = _base_of_bodies(robot, term)[0]
     sums = {base.names[base.independent[row]]: whole for row, whole in base.sums().items()}
     return (Note(Code.SUMS, term.joint, {"sums": sums}),) if sums else ()
 
 
-def _reduced(robot: Robot, term: Term) -> tuple[BaseParameters, tuple[Parameter, ...]]:
-    """Base parameters of bodies with free inertial parameters, from the regressor at random motions; all parameters."""
+def _base_of_bodies(robot: Robot, term: Term) -> tuple[BaseParameters, tuple[Parameter, ...]]:
+    """Base parameters of bodies with free inertial parameters, by a regressor at random motions; all parameters."""
     effect = term.effect
     assert isinstance(effect, Effect)
     parameters = effect.parameters(robot, term.joint)
     columns = list(effect.regressor_columns(robot, term.joint))
-    w = _at_random(robot)[:, :, columns].reshape(-1, len(columns))
+    w = _random_regressor(robot)[:, :, columns].reshape(-1, len(columns))
     return base_parameters_of_matrix(w, [p.name for p in parameters], [p.unit for p in parameters]), parameters
 
 
-def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
+def _random_regressor(robot: Robot) -> Float[Array, "N nv p"]:
     """Regressor at independent random samples; for a linkage, in postures that its loops allow."""
     rng = random_stream("draws of parameters")
     q, v, a = (rng.uniform(-3, 3, (_SAMPLES, robot.nv)) for _ in range(3))

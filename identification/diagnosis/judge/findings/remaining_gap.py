@@ -10,7 +10,7 @@ from identification.engine import contract_levels
 from phantom_dyn.effects.catalogue import known_effect
 
 
-def beside_remaining_gap(finding: Finding, joints: tuple[JointGap, ...]) -> Finding:
+def lowered_by_remaining_gap(finding: Finding, joints: tuple[JointGap, ...]) -> Finding:
     """The finding with lower probabilities if the residual of its joint is larger than noise after all findings.
 
     A comparison among the effects of the catalogue shows which of them fits best, but not that one of them is right. If

@@ -1,11 +1,11 @@
 # pyright: reportAttributeAccessIssue=false
 """Marks parameters that the recordings do not determine, and enlarges standard deviations for what the fit assumes.
 
-Some parameters of an effect have no influence on the torque, such as the position of a load along parallel joint axes.
-The fit gives them a value with a standard deviation of metres, which must not be reported as a measurement.
+Some parameters do not influence the torque, such as the position of a load along parallel joint axes. Their fitted
+value, with a standard deviation of metres, must not be reported as a measurement.
 
 The fit assumes that the numbers of the model are within their tolerances, and that each finding is the true cause. If
-an assumption is doubtful, the parameters are fitted without it, too. The change of each parameter is then included in
+an assumption is doubtful, the parameters are fitted without it, too, and the change of each parameter is included in
 its standard deviation (law of total variance).
 """
 
@@ -20,7 +20,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.columns.session import Session
 from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.full_fit import FullFit
-from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.result import Value
 from identification.diagnosis.search.search import Search, with_wide_tolerances
 from phantom_dyn.array_types import Array, Float
@@ -28,7 +28,7 @@ from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 
 # A parameter is unknown if its standard deviation exceeds this share of its plausible size and this share of its value.
-_UNKNOWN = 0.5
+_LARGEST_KNOWN_SHARE = 0.5
 
 
 def with_unknown_marked(values: Mapping[str, Value], session: Session, joint: str | None) -> dict[str, Value]:
@@ -43,7 +43,7 @@ def with_unknown_marked(values: Mapping[str, Value], session: Session, joint: st
     out = {name: _unknown_marked(value, limits.get(value.unit)) for name, value in values.items()}
     if {"mass", "moment_x"} <= out.keys():
         value, std = (float(np.ravel(part)[0]) for part in (out["mass"].value, out["mass"].std))
-        if std > _UNKNOWN * abs(value):
+        if std > _LARGEST_KNOWN_SHARE * abs(value):
             out["mass"] = replace(out["mass"], std=np.inf)
     return out
 
@@ -54,7 +54,7 @@ def _unknown_marked(value: Value, limit: float | None) -> Value:
         return value
     std, sizes = (np.atleast_1d(np.asarray(part, dtype=float)) for part in (value.std, value.value))
     # The limit grows with the value, because a light link may carry a load of several times its own weight.
-    marked = np.where(std > np.maximum(limit, _UNKNOWN * np.abs(sizes)), np.inf, std)
+    marked = np.where(std > np.maximum(limit, _LARGEST_KNOWN_SHARE * np.abs(sizes)), np.inf, std)
     return replace(value, std=marked.tolist() if isinstance(value.std, list) else float(marked[0]))
 
 
@@ -70,7 +70,7 @@ def _largest_known_std(session: Session, joint: str | None) -> dict[str, float]:
         # The first pair has the units of revolute joints, the second those of prismatic ones.
         for force, damping in (("N m", "N m s/rad"), ("N", "N s/m")):
             out |= {force: torque, damping: torque / max(speed, 1e-9)}
-    return {unit: _UNKNOWN * size for unit, size in out.items() if size > 0.0}
+    return {unit: _LARGEST_KNOWN_SHARE * size for unit, size in out.items() if size > 0.0}
 
 
 def _largest_value(series: list[Float[Array, " n"]]) -> float:
@@ -98,8 +98,8 @@ def reach_of(robot: Robot) -> float:
 def widened_by_tolerances(fitted: FullFit, plain: Search, chosen: frozenset[Term]) -> FullFit:
     """The fit, with standard deviations enlarged by the change of each size if the tolerances are three times as wide.
 
-    This is done only if a change of the model within its tolerances is at its limit. Then the model is probably wrong
-    by more, and this error also affects the sizes.
+    This is done only if a change of the model within its tolerances is at its limit: the model is then probably wrong
+    by more, which also affects the sizes.
 
     Args:
         fitted: Fit of all parameters.
@@ -111,15 +111,14 @@ def widened_by_tolerances(fitted: FullFit, plain: Search, chosen: frozenset[Term
     nuisances = slice(0, problem.nuisance_count)
     if not np.any(np.abs(found.theta[nuisances]) >= rules.AT_LIMIT * problem.upper[nuisances]):
         return fitted
-    return _wider(fitted, chosen, with_wide_tolerances(plain).held_out_fit(chosen).theta - found.theta, 1.0)
+    return _widened_by_shift(fitted, chosen, with_wide_tolerances(plain).held_out_fit(chosen).theta - found.theta, 1.0)
 
 
-def widened_by_rivals(fitted: FullFit, shown: Shown) -> FullFit:
+def widened_by_rivals(fitted: FullFit, shown: ShownEffects) -> FullFit:
     """The fit, with standard deviations enlarged by the change of each size if a rival replaces another finding.
 
     Each set with rivals counts once, with its largest probability: a set in which one effect replaces two findings is a
-    rival set of both. A rival set may also contain the finding and add an effect; it counts for the size of that
-    finding, too.
+    rival set of both. Sets that keep the finding and add an effect count for its size, too.
 
     Args:
         fitted: Fit of all parameters.
@@ -131,11 +130,11 @@ def widened_by_rivals(fitted: FullFit, shown: Shown) -> FullFit:
             sets[rivals] = max(probability, sets.get(rivals, 0.0))
     for rivals, probability in sets.items():
         shift = shown.plain.held_out_fit(rivals).theta - shown.plain.held_out_fit(shown.all_found).theta
-        fitted = _wider(fitted, rivals, shift, probability)
+        fitted = _widened_by_shift(fitted, rivals, shift, probability)
     return fitted
 
 
-def _wider(fitted: FullFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> FullFit:
+def _widened_by_shift(fitted: FullFit, kept: frozenset[Term], shift: Float[Array, " K"], probability: float) -> FullFit:
     """The fit, with a probable shift of the coefficients added to their covariance.
 
     Args:

@@ -10,22 +10,22 @@ from collections.abc import Iterable
 import numpy as np
 
 from identification.diagnosis.columns.terms import ordered
-from identification.diagnosis.judge.findings.bench import Shown
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.plausible_sizes import implausible_size
 from identification.diagnosis.search.refinement import found_effects
-from identification.notes import Code, Note, Said
+from identification.notes import Code, Note, Remark
 from phantom_dyn.effects.effect import Effect
 
 # Friction is tested at speeds above this share of the largest speed. Slower samples may follow a reversal, after which
 # elastic friction returns energy.
-_MOVES = 0.2
+_LEAST_SPEED_SHARE = 0.2
 # Friction that drives the joint may be an error of the fit up to this share of all friction: that of the model plus
 # that of each finding, each as a root of summed squares.
-_DRIVES = 0.1
+_DRIVING_SHARE = 0.1
 
 
-def size_notes(shown: Shown) -> list[Note]:
+def size_notes(shown: ShownEffects) -> list[Note]:
     """A note for each implausible size of a finding, and for each joint whose friction drives it."""
     session, out = shown.problem.session, list[Note]()
     for term in ordered(shown.named):
@@ -48,7 +48,7 @@ def size_notes(shown: Shown) -> list[Note]:
     return [*out, *(Note(Code.FRICTION_DRIVES, names[row]) for row in _driven_by_friction(shown))]
 
 
-def all_plausible(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
+def all_plausible(findings: Iterable[Finding], notes: Iterable[Remark]) -> bool:
     """True if no finding has an implausible size, or is on a joint whose friction drives the motion.
 
     Args:
@@ -61,7 +61,7 @@ def all_plausible(findings: Iterable[Finding], notes: Iterable[Said]) -> bool:
     return not any((finding.effect, finding.joint) in implausible or finding.joint in driven for finding in findings)
 
 
-def _driven_by_friction(shown: Shown) -> list[int]:
+def _driven_by_friction(shown: ShownEffects) -> list[int]:
     """Indices of the joints on which the friction of the model and of all findings together drives the motion."""
     effects = ((term, term.effect) for term in shown.named if isinstance(term.effect, Effect))
     friction = (term for term, effect in effects if effect.rubs or effect.changes_with == "friction")
@@ -76,9 +76,9 @@ def _driven_by_friction(shown: Shown) -> list[int]:
             torque = np.zeros_like(operation.v)
             torque[:, list(signature.rows)] = signature.columns @ finding.coefficients
             parts.append(torque)
-        moving = np.abs(operation.v) > _MOVES * np.abs(operation.v).max(axis=0)
+        moving = np.abs(operation.v) > _LEAST_SPEED_SHARE * np.abs(operation.v).max(axis=0)
         against_motion = np.sum(parts, axis=0) * np.sign(operation.v) * moving
         driving += np.sum(np.minimum(against_motion, 0.0) ** 2, axis=0)
         separate += np.stack([np.sum((part * moving) ** 2, axis=0) for part in parts], axis=1)
     changed = {names.index(joint) for finding in findings if (joint := finding.joint) in names}
-    return [row for row in sorted(changed) if np.sqrt(driving[row]) > _DRIVES * np.sqrt(separate[row]).sum()]
+    return [row for row in sorted(changed) if np.sqrt(driving[row]) > _DRIVING_SHARE * np.sqrt(separate[row]).sum()]

@@ -1,9 +1,9 @@
 """Compares laws of a late torque, such as delay and lag, at frequencies where the motion is far above the noise.
 
-The torque of a delay or a lag is computed from the rate of change of the needed torque. At frequencies above those of
-the motion this rate is noise, and each law filters the noise differently. There the residual only shows which law
-amplifies the noise less. So such frequencies are left out. There is one exception: if the residuals of two laws differ
-so much that the larger one would count as a gap, noise is not the reason, and all frequencies are compared.
+The torque of a delay or a lag is computed from the rate of change of the needed torque. Above the frequencies of the
+motion this rate is noise, and the residual only shows which law amplifies the noise less. So these frequencies are left
+out, unless the residuals of two laws differ so much that the larger one would count as a gap: noise is then not the
+reason, and all frequencies are compared.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.columns.terms import Term
-from identification.diagnosis.judge.findings.bench import Bench
-from identification.diagnosis.judge.moved_by_noise import strong_motion_search
+from identification.diagnosis.judge.findings.gate_state import GateContext
 from identification.diagnosis.judge.shares import residual_sums_with
+from identification.diagnosis.judge.strong_motion import strong_motion_search
 from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.record import EffectJoint
 from identification.diagnosis.search.special_cases import simplest_effects
@@ -23,15 +23,17 @@ from identification.gates.above_chance import PARAMETER_PRICE
 from phantom_dyn.array_types import Array
 
 
-def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Array]:
+def strong_motion_loss_increases(
+    context: GateContext, found: Chosen, term: Term, barred: frozenset[EffectJoint]
+) -> dict[Chosen, Array]:
     """Increase of the held-out loss in each block if another law of a late torque replaces a finding.
 
     The losses are computed at frequencies where the torque of the motion is far above the noise, and include the
     penalties of the fits, spread evenly over the blocks. One law gains the price of a parameter over another by chance.
-    So the increases are scaled down until their sum is nearer to zero by this price, at most to zero.
+    So the increases are scaled until their sum is nearer to zero by this price, at most to zero.
 
     Args:
-        bench: Searches and fits.
+        context: Searches and fits.
         found: A set of effects.
         term: The finding, one effect of the set.
         barred: Effects and joints that are excluded as rivals.
@@ -42,10 +44,10 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
     """
     if not _is_late_torque(term):
         return {}
-    rivals = _comparable(bench, found, term, barred)
+    rivals = _close_rivals(context, found, term, barred)
     if not rivals:
         return {}
-    strong, terms = strong_motion_search(bench.plain, found, found.union(rivals.values()), bench.noise)
+    strong, terms = strong_motion_search(context.plain, found, found.union(rivals.values()), context.noise)
     base = strong.held_out_fit(frozenset(terms[one] for one in found))
     best = dict[EffectJoint, tuple[float, Chosen, Array]]()
     for swapped, rival in rivals.items():
@@ -61,10 +63,10 @@ def losses_beyond(bench: Bench, found: Chosen, term: Term, barred: frozenset[Eff
 
 
 def hidden_twins(found: Chosen, shown: Chosen) -> Chosen:
-    """Laws of a late torque that are not shown beside another such law on the same joint, or on all joints.
+    """Laws of a late torque that are not shown, while another such law is shown on the same joint, or on all joints.
 
-    Where the motion is far above the noise one of the two, as a lag beside a delay, may add nothing to the other, and
-    then fails the gate `shown_by_motion`. In the set it would be no rival of the other.
+    Where the motion is far above the noise, a lag may add nothing to a delay, or the reverse. It then fails the gate
+    `shown_by_motion`. If it remained in the set, it could not be a rival of the other law.
 
     Args:
         found: A set of effects.
@@ -78,14 +80,12 @@ def hidden_twins(found: Chosen, shown: Chosen) -> Chosen:
     )
 
 
-def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[EffectJoint]) -> dict[Chosen, Term]:
-    """Rivals whose residual differs so little from that of the finding that noise may be the reason.
-
-    Returns:
-        The law of a late torque that replaces the finding, by the set that results.
-    """
-    residual, out = np.maximum(residual_sums_with(bench.plain, found).rms(), 1e-300), dict[Chosen, Term]()
-    for rival in bench.search.terms:
+def _close_rivals(
+    context: GateContext, found: Chosen, term: Term, barred: frozenset[EffectJoint]
+) -> dict[Chosen, Term]:
+    """Rivals whose residual differs so little from the finding's that noise may be the reason, by the resulting set."""
+    residual, out = np.maximum(residual_sums_with(context.plain, found).rms(), 1e-300), dict[Chosen, Term]()
+    for rival in context.search.terms:
         same_place = rival.joint == term.joint or None in (rival.joint, term.joint)
         is_other_law = _is_late_torque(rival) and rival.effect is not term.effect
         if not is_other_law or not same_place or rival.effect_joint in barred:
@@ -93,7 +93,7 @@ def _comparable(bench: Bench, found: Chosen, term: Term, barred: frozenset[Effec
         swapped = with_replacement(found, term, frozenset([rival]))
         if rival not in swapped:
             continue
-        ratio = residual_sums_with(bench.plain, swapped).rms() / residual
+        ratio = residual_sums_with(context.plain, swapped).rms() / residual
         if ratio.max() <= FLOORS_LEFT and ratio.min() >= 1.0 / FLOORS_LEFT:
             out[swapped] = rival
     return out

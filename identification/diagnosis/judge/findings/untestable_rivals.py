@@ -1,7 +1,6 @@
 """Rivals of a finding that the recordings cannot show, because in their motion they look like the finding.
 
-An effect that was not tested is not ruled out. For example, backlash looks like an encoder offset if the load never
-changes its sign.
+For example, backlash looks like an encoder offset if the load never changes its sign.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect
 
 
-def beside_untestable_rivals(
+def with_untestable_rivals(
     problem: Problem, term: Term, coefficients: Float[Array, " k"], comparison: RivalComparison
 ) -> RivalComparison:
     """The comparison of a finding, with rivals that look like it in this motion, each as probable as the finding.

@@ -18,7 +18,7 @@ from identification.diagnosis.columns.motion.standstill import (
     standstill_std,
     uncertain_friction_variance,
 )
-from identification.diagnosis.columns.operations import friction_with
+from identification.diagnosis.columns.operations import friction_torque_with
 from identification.diagnosis.columns.terms import FoundEffect
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
@@ -172,7 +172,7 @@ def test_friction_counts_findings_that_rub_and_nothing_else(pendulum):
         FoundEffect(effect_named(name), joint, (), np.array([0.5])) for name in ("coulomb_friction", "torque_offset")
     )
     moving = (T < 0.99) | (T > 2.01)
-    np.testing.assert_allclose(friction_with(operation, found)[moving], 0.7, atol=1e-9)
+    np.testing.assert_allclose(friction_torque_with(operation, found)[moving], 0.7, atol=1e-9)
 
 
 def test_a_reversal_is_near_for_fifty_milliseconds():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.judge.evidence_samples import evidence_of
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.judged_band import JudgedBand
 from identification.diagnosis.judge.regimes import regime_split
 
 
@@ -21,7 +21,7 @@ def evidence(quiet):
     session = replace(quiet.session, cutoff_hz=1e3, logs=(log, other))
     problem = replace(quiet.problem, session=session, columns=columns)
     series = [tuple(np.random.default_rng(k).normal(size=(2, *columns.residual[0].shape))) for k in range(3)]
-    return problem, series, evidence_of(Judge(problem, np.ones(2), np.ones(2)), series[0], series[1], (series[2],))
+    return problem, series, evidence_of(JudgedBand(problem, np.ones(2), np.ones(2)), series[0], series[1], (series[2],))
 
 
 def test_evidence_is_of_one_recording_after_the_other_with_a_second_between(evidence):

@@ -332,8 +332,8 @@ def floor(quiet):
 
     def of(before=BEFORE, rising=0.0):
         nothing = tuple(np.zeros_like(part) for part in quiet.noise)
-        sensed = replace(made, floor=replace(SENSED, limit_if_rising=np.array([rising, 0.0])))
-        return floor_by_sensors(before, sensed, quiet.problem, quiet.noise, nothing, nothing)
+        of_sensors = replace(made, floor=replace(SENSED, limit_if_rising=np.array([rising, 0.0])))
+        return floor_by_sensors(before, of_sensors, quiet.problem, quiet.noise, nothing, nothing)
 
     return of
 

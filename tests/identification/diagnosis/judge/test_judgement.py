@@ -18,7 +18,7 @@ from identification.diagnosis.fit.gap import ResidualSums, RowGaps
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.floors import Floor
-from identification.diagnosis.judge.judged_band import Judge, plain_search
+from identification.diagnosis.judge.judged_band import JudgedBand, plain_search
 from identification.diagnosis.judge.judgement import (
     _with_joint,
     _with_times,
@@ -98,7 +98,7 @@ def test_a_joint_has_a_gap_from_above_the_upper_end_of_its_floor(quiet, within, 
 
 
 @pytest.mark.parametrize(
-    ("source", "read_by", "foreseen", "share"),
+    ("source", "read_by", "predictable", "share"),
     [
         ("sensors", "command", False, 0.025),
         ("sensors", "command", True, 0.0),
@@ -106,7 +106,7 @@ def test_a_joint_has_a_gap_from_above_the_upper_end_of_its_floor(quiet, within, 
         ("repetitions", "command", False, 0.0),
     ],
 )
-def test_noise_may_be_as_loud_as_drives_are_where_sensors_alone_show_it(quiet, source, read_by, foreseen, share):
+def test_noise_may_be_as_loud_as_drives_are_where_sensors_alone_show_it(quiet, source, read_by, predictable, share):
     # By hand: the upper end is a share of the measured torque, or what was read where that is more.
     session = replace(quiet.session, robot=replace(quiet.session.robot, torque_source=read_by))
     problem = replace(quiet.problem, session=session)
@@ -114,7 +114,7 @@ def test_noise_may_be_as_loud_as_drives_are_where_sensors_alone_show_it(quiet, s
     for high, floor in ((1e-9, np.full(2, 1e-9)), (1e3, loud)):
         found = Floor(floor, floor, floor, (source,) * 2)
         left = alike((1.0, 1.0))
-        for gap in joint_gaps(problem, found, left, left, left, foreseen=foreseen):
+        for gap in joint_gaps(problem, found, left, left, left, predictable=predictable):
             assert gap.noise_floor_interval == (high, pytest.approx(max(high, share * gap.rms_torque)))
 
 
@@ -138,13 +138,13 @@ def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
     # noise is left there.
     offset, asked = frozenset([quiet.term("torque_offset", "elbow")]), []
 
-    def shown(bench, state):
+    def shown(context, state):
         asked.append(state.found)
         return SimpleNamespace(chosen=state.found)
 
     monkeypatch.setattr(judgement, "shown_effects", shown)
-    monkeypatch.setattr(judgement, "after_motion_gate", lambda bench, state: state)
-    monkeypatch.setattr(judgement, "_residual_of", lambda *_: SimpleNamespace(judge=None))
+    monkeypatch.setattr(judgement, "after_motion_gate", lambda context, state: state)
+    monkeypatch.setattr(judgement, "_residual_of", lambda *_: SimpleNamespace(judged=None))
     monkeypatch.setattr(judgement, "_with_predictable_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 2.0)
@@ -158,10 +158,10 @@ def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(
 def test_nothing_is_shown_where_the_torque_is_within_its_noise(quiet, monkeypatch):
     # By hand: nine tenths of the noise.
     offset = quiet.term("torque_offset", "elbow")
-    monkeypatch.setattr(judgement, "shown_effects", lambda bench, state: SimpleNamespace(chosen=state.found))
-    monkeypatch.setattr(judgement, "after_motion_gate", lambda bench, state: state)
+    monkeypatch.setattr(judgement, "shown_effects", lambda context, state: SimpleNamespace(chosen=state.found))
+    monkeypatch.setattr(judgement, "after_motion_gate", lambda context, state: state)
     monkeypatch.setattr(judgement, "replace", lambda left, **_: left)
-    monkeypatch.setattr(judgement, "_residual_of", lambda *_: SimpleNamespace(judge=None, floor=None))
+    monkeypatch.setattr(judgement, "_residual_of", lambda *_: SimpleNamespace(judged=None, floor=None))
     monkeypatch.setattr(judgement, "_with_predictable_noise", lambda left, *_: left)
     monkeypatch.setattr(judgement, "_torque_over_noise", lambda left: 0.9)
     search = quiet.search
@@ -182,14 +182,14 @@ def left(*rms: float, blocks: int = 4) -> ResidualSums:
 
 def test_findings_close_together_what_they_take_off_the_loss_beyond_the_floor(quiet):
     # Losses 100 and 4 on one joint, 1 on the other: (50.5 - 2.5) / (50.5 - 1).
-    judge = Judge(quiet.problem, FLOOR.value, FLOOR.high)
-    gap = closed_together(judge, left(1.0, 0.2), left(0.2, 0.2))
+    judged = JudgedBand(quiet.problem, FLOOR.value, FLOOR.high)
+    gap = closed_together(judged, left(1.0, 0.2), left(0.2, 0.2))
     assert gap.closed == pytest.approx(48.0 / 49.5)
     assert gap.interval == pytest.approx((48.0 / 49.5, 48.0 / 49.5))
 
 
 def test_where_all_is_within_the_noise_there_is_nothing_to_close(quiet):
-    gap = closed_together(Judge(quiet.problem, FLOOR.value, FLOOR.high), left(0.105, 0.21), left(0.1, 0.2))
+    gap = closed_together(JudgedBand(quiet.problem, FLOOR.value, FLOOR.high), left(0.105, 0.21), left(0.1, 0.2))
     assert (gap.closed, gap.interval) == (None, None)
 
 

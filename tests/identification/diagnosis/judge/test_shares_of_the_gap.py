@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque, residual_after, residual_sums
-from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
 from identification.diagnosis.judge.findings.findings import (
-    findings_without,
+    findings_of,
     size_remarks,
 )
+from identification.diagnosis.judge.findings.gate_state import GateContext, LoopState, Residuals
 from identification.diagnosis.judge.findings.shown import shown_effects
-from identification.diagnosis.judge.judged_band import Judge, plain_search
+from identification.diagnosis.judge.judged_band import JudgedBand, plain_search
 from identification.diagnosis.judge.shares import least_shares_closed, residual_sums_with
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.engine import contract_levels
@@ -22,7 +22,7 @@ from phantom_dyn.effects.catalogue import effect_named
 
 
 @pytest.fixture(scope="module")
-def judged(lab, planar2):
+def case(lab, planar2):
     """Friction on the elbow and an offset on the shoulder that the model lacks, shown and judged."""
     motion = lab.motion(2, 4, seconds=20.0)
     torque = -0.3 * np.sign(motion.v) * [0.0, 1.0] + np.array([0.4, 0.0])
@@ -30,55 +30,55 @@ def judged(lab, planar2):
     plain = plain_search(prepared.search, prepared.noise)
     chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
     floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
-    judge = Judge(plain.problem, floor, floor)
-    residuals = Residuals(lambda _: judge, lambda *_: np.full_like(judge.floor, np.inf), lambda _: True)
-    shown = shown_effects(Bench(prepared.search, plain, prepared.noise, residuals), State.of(chosen))
-    return shown, judge, residual_sums_with(plain, frozenset())
+    judged = JudgedBand(plain.problem, floor, floor)
+    residuals = Residuals(lambda _: judged, lambda *_: np.full_like(judged.floor, np.inf), lambda _: True)
+    shown = shown_effects(GateContext(prepared.search, plain, prepared.noise, residuals), LoopState.of(chosen))
+    return shown, judged, residual_sums_with(plain, frozenset())
 
 
-def mean_square(shown, judge, kept) -> float:
+def mean_square(shown, judged, kept) -> float:
     """The contract's loss: mean over joints of the squared residual over the squared noise floor."""
     problem = shown.problem
     torque = held_out_torque(problem, kept, shown.plain.held_out_fit(kept))
     return float(
         np.mean(
-            residual_sums(problem, judge.problem.session.in_judged_band(residual_after(problem, torque))).rms() ** 2
-            / judge.floor**2
+            residual_sums(problem, judged.problem.session.in_judged_band(residual_after(problem, torque))).rms() ** 2
+            / judged.floor**2
         )
     )
 
 
-def test_what_a_finding_closes_is_what_is_lost_without_it_over_the_gap(judged):
-    shown, judge, within = judged
-    gap = float(np.mean(within.rms() ** 2 / judge.floor**2)) - 1.0
-    for finding in (claim.finding for claim in findings_without(*judged)):
+def test_what_a_finding_closes_is_what_is_lost_without_it_over_the_gap(case):
+    shown, judged, within = case
+    gap = float(np.mean(within.rms() ** 2 / judged.floor**2)) - 1.0
+    for finding in (claim.finding for claim in findings_of(*case)):
         term = next(term for term in shown.chosen if term.effect_joint == (finding.effect, finding.joint))
-        lost = mean_square(shown, judge, shown.chosen - {term}) - mean_square(shown, judge, shown.chosen)
+        lost = mean_square(shown, judged, shown.chosen - {term}) - mean_square(shown, judged, shown.chosen)
         assert finding.gap_closed == pytest.approx(lost / gap, rel=1e-6)
         low, high = finding.gap_closed_interval
         assert low < finding.gap_closed < high
         assert high - low < 0.5
 
 
-def test_where_the_mean_over_joints_is_within_the_floor_shares_are_of_what_the_findings_close(judged):
+def test_where_the_mean_over_joints_is_within_the_floor_shares_are_of_what_the_findings_close(case):
     # A floor whose interval is so wide that the gap lies within it: what they close together is all of it.
-    shown, judge, within = judged
-    wide = replace(judge, highest=1e3 * judge.floor)
-    found = [claim.finding for claim in findings_without(shown, wide, within)]
+    shown, judged, within = case
+    wide = replace(judged, highest=1e3 * judged.floor)
+    found = [claim.finding for claim in findings_of(shown, wide, within)]
     assert sum(finding.share for finding in found) == pytest.approx(1.0)
     assert all(abs(finding.gap_closed) < 1.5 for finding in found)
 
 
-def test_two_findings_close_the_gap_of_what_was_put_in(judged):
+def test_two_findings_close_the_gap_of_what_was_put_in(case):
     # Known truth: nothing but the two is missing; an offset may be reported as its twin, a spring that rests far away.
-    findings = [claim.finding for claim in findings_without(*judged)]
+    findings = [claim.finding for claim in findings_of(*case)]
     assert {finding.joint for finding in findings} == {"elbow", "shoulder"}
     assert sum(finding.gap_closed for finding in findings) == pytest.approx(1.0, abs=0.1)
 
 
-def test_the_torque_without_a_finding_is_that_of_the_fit_without_it(judged):
-    shown, _, _ = judged
-    for claim in findings_without(*judged):
+def test_the_torque_without_a_finding_is_that_of_the_fit_without_it(case):
+    shown, _, _ = case
+    for claim in findings_of(*case):
         finding, torque = claim.finding, claim.without
         term = next(term for term in shown.chosen if term.effect_joint == (finding.effect, finding.joint))
         kept = shown.chosen - {term}
@@ -88,34 +88,34 @@ def test_the_torque_without_a_finding_is_that_of_the_fit_without_it(judged):
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
 @pytest.mark.parametrize("floors", [0.99, 1.01])
-def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monkeypatch, share, floors):
+def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(case, monkeypatch, share, floors):
     # By hand: limits at what the one that closes most of the gap closes, and raises the joint that it raises most.
-    shown, judge, _ = judged
-    most = max((claim.finding for claim in findings_without(*judged)), key=lambda finding: finding.gap_closed)
+    shown, judged, _ = case
+    most = max((claim.finding for claim in findings_of(*case)), key=lambda finding: finding.gap_closed)
     term = next(term for term in shown.chosen if term.effect_joint == (most.effect, most.joint))
     squares = []
     for kept in (shown.chosen - {term}, shown.chosen):
         torque = held_out_torque(shown.problem, kept, shown.plain.held_out_fit(kept))
         squares.append(
             residual_sums(
-                shown.problem, judge.problem.session.in_judged_band(residual_after(shown.problem, torque))
+                shown.problem, judged.problem.session.in_judged_band(residual_after(shown.problem, torque))
             ).rms()
             ** 2
         )
-    raised = float(np.sqrt(np.maximum(squares[0] - squares[1], 0.0) / judge.floor**2).max())
+    raised = float(np.sqrt(np.maximum(squares[0] - squares[1], 0.0) / judged.floor**2).max())
     monkeypatch.setattr(contract_levels, "MINOR_SHARE", share * most.gap_closed)
     monkeypatch.setattr(contract_levels, "MINOR_FLOORS", floors * raised)
-    minor = {claim.finding.effect: claim.minor for claim in findings_without(*judged)}
+    minor = {claim.finding.effect: claim.minor for claim in findings_of(*case)}
     assert minor[most.effect] is (share > 1.0 and floors > 1.0)
 
 
-def test_sizes_of_a_sound_robot_are_not_doubted(judged):
-    assert size_remarks(judged[0]) == ()
+def test_sizes_of_a_sound_robot_are_not_doubted(case):
+    assert size_remarks(case[0]) == ()
 
 
-def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
+def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(case):
     # Known truth: 0.3 N m on a drive that is said to give 0.1.
-    shown = judged[0]
+    shown = case[0]
     session = shown.problem.session
     weak = tuple(replace(one, torque_limit=0.1) for one in session.robot.actuators)
     session = replace(session, robot=replace(session.robot, actuators=weak))

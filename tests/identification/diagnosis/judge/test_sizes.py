@@ -12,12 +12,12 @@ from scipy.signal import lfilter
 from by_night import by_night
 from identification.data.recording import Recording
 from identification.diagnosis.fit.gap import RowGaps
-from identification.diagnosis.judge.findings.bench import Bench, Residuals, State
+from identification.diagnosis.judge.findings.gate_state import GateContext, LoopState, Residuals
 from identification.diagnosis.judge.findings.shown import _noise_gate
 from identification.diagnosis.judge.findings.shown_numbers import reach_of, with_unknown_marked
 from identification.diagnosis.judge.findings.sound_sizes import all_plausible, size_notes
-from identification.diagnosis.judge.judged_band import Judge, search_below
-from identification.diagnosis.judge.moved_by_noise import (
+from identification.diagnosis.judge.judged_band import JudgedBand, search_below
+from identification.diagnosis.judge.strong_motion import (
     _strong_up_to,
     noise_may_imitate,
     predictable_noise,
@@ -217,7 +217,7 @@ def test_a_loud_search_judges_its_few_effects_as_one_of_all_columns_does(quiet, 
         seen.append(edges)
         return search_below(search, columns, noise, edges)
 
-    monkeypatch.setattr("identification.diagnosis.judge.moved_by_noise.search_below", spied)
+    monkeypatch.setattr("identification.diagnosis.judge.strong_motion.search_below", spied)
     loud, there = strong_motion_search(quiet.search, frozenset(), asked, quiet.noise)
     every = search_below(quiet.search, quiet.columns, quiet.noise, *seen)
     assert there.keys() == asked
@@ -230,9 +230,9 @@ def test_a_loud_search_judges_its_few_effects_as_one_of_all_columns_does(quiet, 
 
 def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
     # By hand: 0.9 and 1.9 are left where 1 and 2 are allowed.
-    judge = Judge(quiet.problem, np.array([0.8, 1.8]), np.array([1.0, 2.0]))
+    judged = JudgedBand(quiet.problem, np.array([0.8, 1.8]), np.array([1.0, 2.0]))
     left = np.array([0.9, 1.9])
-    np.testing.assert_array_equal(predictable_noise(judge, quiet.search, frozenset(), quiet.noise, left), [0.0, 0.0])
+    np.testing.assert_array_equal(predictable_noise(judged, quiet.search, frozenset(), quiet.noise, left), [0.0, 0.0])
 
 
 @pytest.mark.parametrize(
@@ -254,9 +254,9 @@ def test_an_inertia_that_noise_may_imitate_is_shown_where_there_would_be_a_gap_w
     effect = lab.acting(planar2, motion, "rotor_inertia", "elbow", 0.2)
     made = lab.prepared(planar2, (lab.recording(planar2, motion, effect),))
     chosen = frozenset([made.term("rotor_inertia", "elbow")])
-    judge = Judge(made.problem, np.full(2, floor), np.full(2, loudest))
-    residuals = Residuals(lambda _: judge, lambda *_: np.full(2, over), lambda *_: has_structure)
-    after = _noise_gate(Bench(made.search, made.search, made.noise, residuals), State.of(chosen))
+    judged = JudgedBand(made.problem, np.full(2, floor), np.full(2, loudest))
+    residuals = Residuals(lambda _: judged, lambda *_: np.full(2, over), lambda *_: has_structure)
+    after = _noise_gate(GateContext(made.search, made.search, made.noise, residuals), LoopState.of(chosen))
     assert after.shown == (chosen if shown else frozenset())
 
 

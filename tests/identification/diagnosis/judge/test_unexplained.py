@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.judged_band import JudgedBand
 from identification.diagnosis.judge.regimes import regimes
 from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, hidden_change, unexplained
 from identification.diagnosis.noise.noise_floor import noise_floor
@@ -40,8 +40,8 @@ class Case:
         self.patch.setattr(PLACE + "flexible_prediction", lambda problem, whole: predicted)
         self.patch.setattr(PLACE + "held_out_torque", lambda *_: columns.model_torque)
         plain = replace(search, problem=problem)
-        judge = Judge(problem, FLOOR, FLOOR)
-        return unexplained(plain, nameless, judge, self.series(residual), rest, joints=joints)
+        judged = JudgedBand(problem, FLOOR, FLOOR)
+        return unexplained(plain, nameless, judged, self.series(residual), rest, joints=joints)
 
 
 @pytest.fixture
@@ -194,12 +194,12 @@ def nothing(quiet):
     problem = replace(quiet.problem, session=session)
     search = replace(quiet.search, problem=problem)
     floor = noise_floor(session, quiet.columns, quiet.noise)
-    return search, Judge(problem, floor, floor)
+    return search, JudgedBand(problem, floor, floor)
 
 
-def left_over(quiet, nothing, residual):
-    plain, judge = nothing
-    return unexplained(plain, frozenset(), judge, residual, residual)
+def residual_phrase(quiet, nothing, residual):
+    plain, judged = nothing
+    return unexplained(plain, frozenset(), judged, residual, residual)
 
 
 def waves(quiet, size: float, joint: int = 1):
@@ -213,7 +213,7 @@ def waves(quiet, size: float, joint: int = 1):
 
 
 def test_noise_has_no_structure(quiet, nothing):
-    found = left_over(quiet, nothing, quiet.noise)
+    found = residual_phrase(quiet, nothing, quiet.noise)
     assert not found.structured
     assert (found.joint, found.regime) == (None, None)
 
@@ -221,7 +221,7 @@ def test_noise_has_no_structure(quiet, nothing):
 @pytest.mark.parametrize(("joint", "name"), [(0, "shoulder"), (1, "elbow")])
 def test_what_returns_with_position_is_structure_of_its_joint(quiet, nothing, joint, name):
     floor = nothing[1].floor
-    found = left_over(quiet, nothing, waves(quiet, 5.0 * floor[joint], joint))
+    found = residual_phrase(quiet, nothing, waves(quiet, 5.0 * floor[joint], joint))
     assert found.structured
     assert found.joint == name
     assert found.regime is not None
@@ -229,12 +229,12 @@ def test_what_returns_with_position_is_structure_of_its_joint(quiet, nothing, jo
 
 def test_all_of_a_gap_that_nothing_explains_is_left(quiet, nothing):
     # Known truth: the given residual is the wave, so that all that could be explained is left.
-    plain, judge = nothing
-    residual = waves(quiet, 5.0 * judge.floor[1])
+    plain, judged = nothing
+    residual = waves(quiet, 5.0 * judged.floor[1])
     columns = replace(quiet.columns, residual=residual)
     problem = replace(plain.problem, columns=columns)
-    plain, judge = replace(plain, problem=problem), replace(judge, problem=problem)
-    found = unexplained(plain, frozenset(), judge, residual, residual)
+    plain, judged = replace(plain, problem=problem), replace(judged, problem=problem)
+    found = unexplained(plain, frozenset(), judged, residual, residual)
     assert found.fraction_of_explainable == pytest.approx(1.0, abs=0.1)
 
 

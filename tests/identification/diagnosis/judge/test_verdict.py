@@ -5,7 +5,7 @@ import pytest
 
 from identification.diagnosis.judge.verdict import (
     nearly_closed,
-    ordinary_effects_hide,
+    ordinary_effects_may_hide,
     torques_may_be_noise,
     verdict,
 )
@@ -25,7 +25,7 @@ def joint(within: float, after: float, name: str = "j1") -> JointGap:
 
 
 def said(joints, findings=(), left=NOTHING, *, moved=True, hides=False) -> str:
-    return verdict(tuple(joints), tuple(findings), left, moved=moved, hides=hides)
+    return verdict(tuple(joints), tuple(findings), left, moved=moved, may_hide=hides)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_a_torque_within_the_interval_of_its_noise_is_noise_whatever_was_found(m
     ("shares", "hide"), [((0.2, 0.11), True), ((0.2, 0.1), False), ((None, 0.2), True), ((None,), False), ((), False)]
 )
 def test_ordinary_effects_hide_where_every_known_bound_is_above_a_tenth_of_the_torque(shares, hide):
-    assert ordinary_effects_hide(tuple(bound(share) for share in shares)) is hide
+    assert ordinary_effects_may_hide(tuple(bound(share) for share in shares)) is hide
 
 
 @pytest.mark.parametrize(
@@ -178,4 +178,4 @@ def test_losses_are_means_over_joints_in_floors_of_their_own(made_up, after, exp
 @pytest.mark.parametrize(("findings", "expected"), [(1, "partly_explained"), (0, "no_gap")])
 def test_a_size_that_no_sound_robot_has_does_not_explain(made_up, findings, expected):
     found = made_up(findings=findings).findings
-    assert verdict((joint(1.0, 1.0),), found, NOTHING, moved=True, hides=False, plausible=False) == expected
+    assert verdict((joint(1.0, 1.0),), found, NOTHING, moved=True, may_hide=False, plausible=False) == expected

@@ -15,10 +15,10 @@ from scipy.stats import norm
 
 from identification.data.recording import Recording
 from identification.diagnosis.judge.findings.imitation import (
-    UNCERTAIN,
-    beside_imitation,
+    LARGEST_PROBABILITY,
     imitation_of,
     joints_on_lines,
+    with_imitation,
     with_limit,
 )
 from identification.diagnosis.result import EffectAt, Rival
@@ -37,7 +37,7 @@ from identification.diagnosis.search.special_cases import (
 )
 from identification.diagnosis.search.stepwise import forward_selection
 from identification.diagnosis.search.swaps import alternatives, with_swaps
-from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+from identification.scenarios.motion_only import commanded_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Actuator, Controller
 from phantom_dyn.motion import Motion
@@ -55,7 +55,7 @@ def servo(lab):
     law = position_control(t, q_ref, np.zeros_like(q_ref), kp=np.array([60.0]), kd=np.array([6.0]))
     q = simulate(robot, (), law, t, np.zeros(1)).q + 1e-5 * np.random.default_rng(1).standard_normal(q_ref.shape)
     recording = with_commanded_torque(Recording("s.csv", robot.joint_names, t, q, None, q_ref=q_ref), robot)
-    return lab.prepared(motion_robot(robot), (recording,))
+    return lab.prepared(commanded_robot(robot), (recording,))
 
 
 def test_a_late_reference_and_viscous_friction_are_near_twins(servo):
@@ -123,10 +123,10 @@ def test_friction_is_not_imitated_where_joints_move_freely(lab, planar2):
 def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
     known = Rival((EffectAt("stribeck_friction", "elbow"),), 0.1)
     loaded = term(in_line, "load_dependent_friction", "elbow")
-    found = beside_imitation(RivalComparison(0.9, (known,)), (loaded,))
+    found = with_imitation(RivalComparison(0.9, (known,)), (loaded,))
     assert found.probability == 0.45
     assert found.rivals == (Rival((EffectAt("load_dependent_friction", "elbow"),), 0.45), known)
-    assert beside_imitation(RivalComparison(0.9, (known,)), None) == RivalComparison(0.9, (known,))
+    assert with_imitation(RivalComparison(0.9, (known,)), None) == RivalComparison(0.9, (known,))
 
 
 @pytest.mark.parametrize(
@@ -134,8 +134,8 @@ def test_an_imitation_is_as_likely_as_what_it_imitates(in_line):
     [("payload", None, 0.85), ("torque_constant", "elbow", 0.85), ("viscous_friction", "elbow", 0.99)],
 )
 def test_no_load_and_no_torque_scale_is_certain_along_a_line_and_friction_is(in_line, name, joint, most):
-    assert with_limit(RivalComparison(0.99, ()), term(in_line, name, joint), UNCERTAIN).probability == most
-    assert with_limit(RivalComparison(0.5, ()), term(in_line, name, joint), UNCERTAIN).probability == 0.5
+    assert with_limit(RivalComparison(0.99, ()), term(in_line, name, joint), LARGEST_PROBABILITY).probability == most
+    assert with_limit(RivalComparison(0.5, ()), term(in_line, name, joint), LARGEST_PROBABILITY).probability == 0.5
 
 
 @pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])

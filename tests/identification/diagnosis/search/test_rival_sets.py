@@ -250,7 +250,7 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_reported(la
     asked = np.column_stack([inverse_dynamics(planar2, m)[:, j] for j, m in enumerate((later, latest))])
     log = replace(lab.recording(planar2, now), tau=asked + 0.02 * np.random.default_rng(0).normal(size=asked.shape))
 
-    def hidden(bench, state):
+    def hidden(context, state):
         kept = frozenset(term for term in state.shown if term.joint == "elbow")
         return state if kept == state.shown else replace(state, shown=kept)
 

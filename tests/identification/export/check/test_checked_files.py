@@ -14,7 +14,7 @@ from scipy import stats
 
 from identification.diagnosis.result import Adjusted, FittedNumbers, Value
 from identification.export.all_files import export_texts
-from identification.export.check.checked_files import leaves_more, rms
+from identification.export.check.checked_files import has_larger_residual, rms
 from identification.export.file_names import NAMES
 from identification.export.headers import with_comment
 from identification.pipeline import diagnose
@@ -172,7 +172,7 @@ def blocks(rng, count=20, joints=2):
 
 def test_a_model_that_leaves_the_same_is_seldom_called_worse(rng):
     # 5 % of both ends together over all joints, so 2.5 % here; 4.4 % is three deviations above in 400 draws.
-    called = sum(leaves_more(*blocks(rng)).any() for _ in range(400))
+    called = sum(has_larger_residual(*blocks(rng)).any() for _ in range(400))
     assert called <= 0.044 * 400
 
 
@@ -183,12 +183,12 @@ def test_the_interval_is_students(rng):
     shift = difference.mean() - stats.t.ppf(0.975, 7) * difference.std(ddof=1) / np.sqrt(8)
     for more, wanted in ((1e-9, True), (-1e-9, False)):
         moved = np.array([before[0] + 50.0 * (shift - more), before[1]])
-        assert leaves_more(squares, moved)[0] == wanted
+        assert has_larger_residual(squares, moved)[0] == wanted
 
 
 def test_a_rounding_is_no_difference(rng):
     squares, _ = blocks(rng)
-    assert not leaves_more(np.array([squares[0] * (1 + 1e-9), squares[1]]), squares).any()
+    assert not has_larger_residual(np.array([squares[0] * (1 + 1e-9), squares[1]]), squares).any()
 
 
 def test_a_torque_that_is_late_by_part_of_a_sample_is_part_of_the_figures(robots, lab, trusted, tmp_path):

@@ -19,8 +19,8 @@ from identification.reporting.charts.chart_marks import (
 )
 from identification.reporting.charts.thinning import (
     binned_median,
-    eventful_stretch,
     gap_starts,
+    largest_residual_section,
     scatter_choice,
     thinned,
 )
@@ -188,7 +188,7 @@ def test_the_eventful_stretch_holds_the_burst_and_stays_in_one_recording():
     t = np.concatenate([np.arange(0, 30, 0.01), np.arange(100, 130, 0.01)])
     residual = np.zeros(len(t))
     residual[np.searchsorted(t, 112.0) : np.searchsorted(t, 115.0)] = 1.0
-    shown = t[eventful_stretch(t, residual, 10.0)]
+    shown = t[largest_residual_section(t, residual, 10.0)]
     assert shown[0] <= 112.0
     assert shown[-1] >= 114.98
     assert 9.9 < shown[-1] - shown[0] <= 10.0
@@ -196,12 +196,12 @@ def test_the_eventful_stretch_holds_the_burst_and_stays_in_one_recording():
 
 def test_a_recording_shorter_than_the_stretch_is_shown_whole():
     t = np.arange(0, 3, 0.01)
-    assert eventful_stretch(t, np.ones(300), 10.0) == slice(0, 300)
+    assert largest_residual_section(t, np.ones(300), 10.0) == slice(0, 300)
 
 
 def test_a_full_stretch_goes_before_a_short_but_violent_recording():
     t = np.concatenate([np.arange(0, 1, 0.01), np.arange(100, 130, 0.01)])
-    assert t[eventful_stretch(t, np.where(t < 50, 9.0, 1.0), 10.0)][0] >= 100
+    assert t[largest_residual_section(t, np.where(t < 50, 9.0, 1.0), 10.0)][0] >= 100
 
 
 def test_the_cloud_has_usable_samples_only_and_not_too_many():

@@ -201,12 +201,12 @@ def test_the_regime_with_the_largest_share_comes_first(made_up):
 
 def test_a_regime_stands_out_by_more_than_its_share_of_the_time(made_up):
     rows = regimes(made_up, {"high_speed": 0.6, "high_load": 0.4}, {"high_speed": 0.55, "high_load": 0.1})
-    assert [(row.time, row.stands_out) for row in rows] == [(f"55{NO_BREAK}%", False), (f"10{NO_BREAK}%", True)]
+    assert [(row.time, row.emphasised) for row in rows] == [(f"55{NO_BREAK}%", False), (f"10{NO_BREAK}%", True)]
 
 
 def test_half_of_the_energy_in_one_direction_is_nothing_special(made_up):
-    assert not regimes(made_up, {"one_direction": 0.54})[0].stands_out
-    assert regimes(made_up, {"one_direction": 0.9})[0].stands_out
+    assert not regimes(made_up, {"one_direction": 0.54})[0].emphasised
+    assert regimes(made_up, {"one_direction": 0.9})[0].emphasised
 
 
 def test_a_joint_without_regimes_has_an_empty_table(made_up):

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from identification.reporting.page import robot_scene
-from identification.reporting.page.robot_scene import SHOWN, postures
+from identification.reporting.page.robot_scene import SLIDER_POSTURES, postures
 from phantom_dyn.errors import ChainError
 from phantom_dyn.model.loading import load_robot
 
@@ -32,7 +32,7 @@ def test_the_middle_posture_is_that_of_the_middle_of_the_recording(made_up, plan
 def test_the_first_and_the_last_are_the_ends_of_the_recording(made_up, planar2):
     diagnosis = made_up(planar2.joint_names, samples=101)
     found = postures(planar2, diagnosis)
-    assert len(found.t) == SHOWN
+    assert len(found.t) == SLIDER_POSTURES
     for k in (0, -1):
         np.testing.assert_allclose(found.place[k], places(planar2, diagnosis.evidence.q[k]), atol=1e-12)
 

@@ -18,8 +18,8 @@ from identification.diagnosis.columns.terms import Term
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.full_fit import full_fit
 from identification.diagnosis.judge.findings import shown as shown_module
-from identification.diagnosis.judge.findings.bench import Shown, State
 from identification.diagnosis.judge.findings.findings import one_sided_notes
+from identification.diagnosis.judge.findings.gate_state import LoopState, ShownEffects
 from identification.diagnosis.judge.findings.shown import (
     _with_exchanges_undone,
     shown_effects,
@@ -51,24 +51,24 @@ def all_sure(monkeypatch):
     monkeypatch.setattr(shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, 1.0))
 
 
-def test_what_is_not_distinguished_from_zero_is_no_finding(bench_of, rubbing, all_sure):
+def test_what_is_not_distinguished_from_zero_is_no_finding(context_of, rubbing, all_sure):
     # Known truth: friction on the elbow, and no offset.
-    bench, offset = bench_of(rubbing), rubbing.term("torque_offset", "elbow")
+    context, offset = context_of(rubbing), rubbing.term("torque_offset", "elbow")
     friction = rubbing.term("coulomb_friction", "elbow")
-    shown = shown_effects(bench, State.of(frozenset([friction, offset])))
+    shown = shown_effects(context, LoopState.of(frozenset([friction, offset])))
     assert shown.chosen == {friction}
     assert [slices.term for slices in shown.full_fit.term_slices] == [friction]
-    results = {result.gate: result for result in bench.record.results_of(offset.effect_joint)}
+    results = {result.gate: result for result in context.record.results_of(offset.effect_joint)}
     assert not results["differs from simpler"].passed
 
 
-def test_a_torque_constant_of_one_is_no_finding(bench_of, rubbing, all_sure):
+def test_a_torque_constant_of_one_is_no_finding(context_of, rubbing, all_sure):
     # Known truth: the torque constants are right; by the contract a ratio differs from one by two deviations.
     friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
-    assert shown_effects(bench_of(rubbing), State.of(frozenset([friction, ratio]))).chosen == {friction}
+    assert shown_effects(context_of(rubbing), LoopState.of(frozenset([friction, ratio]))).chosen == {friction}
 
 
-def test_the_search_for_a_leader_ends_where_every_set_names_another_one(bench_of, rubbing, monkeypatch):
+def test_the_search_for_a_leader_ends_where_every_set_names_another_one(context_of, rubbing, monkeypatch):
     # By hand: each of the first sets has the next term lead in its place; the rival of the third is ahead by least.
     terms = tuple({term.effect_joint: term for term in rubbing.search.terms if term.named}.values())
     asked: list[Term] = []
@@ -83,21 +83,21 @@ def test_the_search_for_a_leader_ends_where_every_set_names_another_one(bench_of
         )
 
     monkeypatch.setattr(shown_module, "compare_with_rivals", next_leads)
-    monkeypatch.setattr(shown_module, "beside_structures", lambda search, found, term, comparison, _: comparison)
+    monkeypatch.setattr(shown_module, "weighed_with_structures", lambda search, found, term, comparison, _: comparison)
     for step in ("_motion_gate", "_closing_gate", "_noise_gate", "_simpler_law_gate", "_missing_part_gate"):
-        monkeypatch.setattr(shown_module, step, lambda bench, state: state)
-    bench = bench_of(rubbing)
-    shown = shown_effects(bench, State.of(frozenset(terms[:1])))
+        monkeypatch.setattr(shown_module, step, lambda context, state: state)
+    context = context_of(rubbing)
+    shown = shown_effects(context, LoopState.of(frozenset(terms[:1])))
     assert len(asked) == 8
     assert shown.chosen == {terms[2]}
     assert shown.comparisons[terms[2]].probability == pytest.approx(0.35)
     # What was looked at last had to give way to it.
-    assert bench.record.replacements_of(terms[7].effect_joint) == (terms[2].effect_joint,)
+    assert context.record.replacements_of(terms[7].effect_joint) == (terms[2].effect_joint,)
 
 
 @pytest.mark.parametrize(("of_rival", "in_its_place"), [(0.5, True), (-0.5, False)])
 def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_does_not(
-    bench_of, rubbing, monkeypatch, of_rival, in_its_place
+    context_of, rubbing, monkeypatch, of_rival, in_its_place
 ):
     # By hand: viscous friction opens the gap in some draws; Coulomb friction, its rival, does so or does not.
     viscous, coulomb = (rubbing.term(name, "elbow") for name in ("viscous_friction", "coulomb_friction"))
@@ -105,21 +105,21 @@ def test_a_rival_that_closes_the_gap_for_sure_takes_the_place_of_an_effect_that_
     monkeypatch.setattr(shown_module, "least_shares_closed", lambda _, chosen, __: {one: least[one] for one in chosen})
     elsewhere = ((frozenset([coulomb]), 0.4),)
     monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: RivalComparison(0.6, (), rival_sets=elsewhere))
-    bench = bench_of(rubbing)
-    after = shown_module._closing_gate(bench, State.of(frozenset([viscous])))
+    context = context_of(rubbing)
+    after = shown_module._closing_gate(context, LoopState.of(frozenset([viscous])))
     assert after.shown == (elsewhere[0][0] if in_its_place else frozenset())
-    assert bench.record.replacements_of(viscous.effect_joint) == ((coulomb.effect_joint,) if in_its_place else ())
+    assert context.record.replacements_of(viscous.effect_joint) == ((coulomb.effect_joint,) if in_its_place else ())
 
 
-def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(bench_of, rubbing, monkeypatch):
+def test_no_rival_is_looked_for_in_place_of_an_effect_that_closes_nothing(context_of, rubbing, monkeypatch):
     # By hand: what closes nothing of the gap may as well be noise.
     viscous = rubbing.term("viscous_friction", "elbow")
     monkeypatch.setattr(shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, -1.0))
     monkeypatch.setattr(shown_module, "compare_with_rivals", lambda *_: pytest.fail("a rival was looked for"))
-    assert not shown_module._closing_gate(bench_of(rubbing), State.of(frozenset([viscous]))).shown
+    assert not shown_module._closing_gate(context_of(rubbing), LoopState.of(frozenset([viscous]))).shown
 
 
-def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown(bench_of, rubbing, monkeypatch):
+def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown(context_of, rubbing, monkeypatch):
     # By hand: friction closes the gap beside the structure, and enlarges it alone, as in the corrected model.
     viscous = rubbing.term("viscous_friction", "elbow")
     structure = next(term for term in rubbing.search.terms if not term.named)
@@ -127,16 +127,16 @@ def test_what_closes_the_gap_only_beside_a_structure_without_a_name_is_not_shown
     monkeypatch.setattr(
         shown_module, "least_shares_closed", lambda left, chosen, floor: dict.fromkeys(chosen, by_set.get(chosen, 0.5))
     )
-    after = shown_module._closing_gate(bench_of(rubbing), State.of(frozenset([viscous, structure])))
+    after = shown_module._closing_gate(context_of(rubbing), LoopState.of(frozenset([viscous, structure])))
     assert after.shown == {structure}
 
 
-def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(bench_of, rubbing):
+def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(context_of, rubbing):
     # Known truth: Coulomb friction alone; what was found in its place changes its name.
     stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
-    bench = bench_of(rubbing)
-    assert shown_effects(bench, State.of(frozenset([stribeck]))).chosen == {coulomb}
-    assert bench.record.replacements_of(stribeck.effect_joint) == (coulomb.effect_joint,)
+    context = context_of(rubbing)
+    assert shown_effects(context, LoopState.of(frozenset([stribeck]))).chosen == {coulomb}
+    assert context.record.replacements_of(stribeck.effect_joint) == (coulomb.effect_joint,)
 
 
 def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):
@@ -230,58 +230,60 @@ def exchanged(place, quiet):
     """Viscous friction gave way to a coupling and a spring together."""
     gone = frozenset([place("viscous_friction", "elbow")])
     rivals = frozenset([place("joint_coupling", "shoulder+elbow"), place("parasitic_spring", "elbow")])
-    state = State(rivals, rivals, displaced=frozenset(term.effect_joint for term in gone), exchanges=((gone, rivals),))
+    state = LoopState(
+        rivals, rivals, displaced=frozenset(term.effect_joint for term in gone), exchanges=((gone, rivals),)
+    )
     return SimpleNamespace(record=quiet.search.record.copy_for_trial()), state, gone, rivals
 
 
 def test_it_is_back_where_one_of_the_rivals_falls(exchanged):
-    bench, before, gone, rivals = exchanged
+    context, before, gone, rivals = exchanged
     fallen = min(rivals, key=lambda term: term.effect.name)
-    after = _with_exchanges_undone(bench, before, replace(before, shown=rivals - {fallen}))
+    after = _with_exchanges_undone(context, before, replace(before, shown=rivals - {fallen}))
     assert (after.found, after.shown) == (gone, gone)
     assert after.barred == {fallen.effect_joint}
     assert after.displaced == frozenset()
 
 
 def test_it_stays_away_while_all_of_them_are_there(exchanged):
-    bench, before, _, _ = exchanged
-    assert _with_exchanges_undone(bench, before, before) is before
+    context, before, _, _ = exchanged
+    assert _with_exchanges_undone(context, before, before) is before
 
 
 def test_it_stays_away_where_something_simpler_takes_the_place(exchanged, place):
-    bench, before, _, rivals = exchanged
+    context, before, _, rivals = exchanged
     simpler = frozenset([place("torque_offset", "elbow")])
     after = replace(before, shown=(rivals - {place("parasitic_spring", "elbow")}) | simpler)
-    assert _with_exchanges_undone(bench, before, after) is after
+    assert _with_exchanges_undone(context, before, after) is after
 
 
 @pytest.mark.parametrize(("spring", "offset", "back"), [(0.6, 0.1, True), (0.4, 0.5, False)])
 def test_it_is_back_beside_the_only_rival_that_falls_if_no_other_is_likelier(exchanged, place, spring, offset, back):
-    bench, before, gone, _ = exchanged
+    context, before, gone, _ = exchanged
     rival = frozenset([place("parasitic_spring", "elbow")])
     likelier = (
         Rival((EffectAt("parasitic_spring", "elbow"),), spring),
         Rival((EffectAt("torque_offset", "elbow"),), offset),
     )
     comparison = RivalComparison(1.0 - spring - offset, likelier)
-    shown = Shown(None, gone, None, dict.fromkeys(gone, comparison))
+    shown = ShownEffects(None, gone, None, dict.fromkeys(gone, comparison))
     # What fails to be shown by motion is hidden, and still found.
     before = replace(before, found=rival, shown=rival, exchanges=((gone, rival),), compared_sets=(shown,))
-    after = _with_exchanges_undone(bench, before, replace(before, shown=frozenset()))
+    after = _with_exchanges_undone(context, before, replace(before, shown=frozenset()))
     assert after.shown == (gone if back else frozenset())
     assert after.barred == frozenset()
     # It may not take the place of what is back once more.
     assert ({term.effect_joint for term in rival} <= after.displaced) is back
 
 
-def shown_on(lab, robot, torque_of) -> Shown:
+def shown_on(lab, robot, torque_of) -> ShownEffects:
     """Inertial parameters of the elbow, found in a recording with a torque beyond the model."""
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque_of(motion)),))
     term = next(t for t in prepared.columns.terms if t.effect_joint == ("inertial_parameters", "elbow"))
     found = fit(prepared.problem, (term,))
     fitted = full_fit(prepared.problem, (term,), found)
-    return cast(Shown, SimpleNamespace(problem=prepared.problem, full_fit=fitted, named=frozenset([term])))
+    return cast(ShownEffects, SimpleNamespace(problem=prepared.problem, full_fit=fitted, named=frozenset([term])))
 
 
 def test_a_body_on_the_edge_has_an_interval_to_one_side(lab, planar2):

@@ -14,8 +14,8 @@ from identification.data.changes import KnownPayload, with_payload
 from identification.diagnosis.columns.terms import ordered
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.full_fit import full_fit
-from identification.diagnosis.judge.findings.bench import Shown
 from identification.diagnosis.judge.findings.findings import center_notes
+from identification.diagnosis.judge.findings.gate_state import ShownEffects
 from identification.diagnosis.judge.findings.missing_parts import (
     bodies_expressing_part,
     likeliest_missing_part,
@@ -341,7 +341,7 @@ def rubbing(lab, planar2):
     plain = plain_search(prepared.search, prepared.noise)
     chosen = frozenset([coulomb])
     fit = full_fit(plain.problem.of(chosen), ordered(chosen), plain.held_out_fit(chosen))
-    return coulomb, frozenset([coulomb, viscous]), Shown(plain.of(chosen), chosen, fit, {}, chosen)
+    return coulomb, frozenset([coulomb, viscous]), ShownEffects(plain.of(chosen), chosen, fit, {}, chosen)
 
 
 def test_a_size_is_uncertain_by_what_it_is_beside_a_likely_rival(rubbing):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from identification.diagnosis.judge.findings.remaining_gap import beside_remaining_gap
+from identification.diagnosis.judge.findings.remaining_gap import lowered_by_remaining_gap
 from identification.diagnosis.result import EffectAt, Finding, JointGap, Rival
 
 
@@ -39,17 +39,17 @@ def finding(joint: str | None, *rivals: tuple[str, float]) -> Finding:
     ],
 )
 def test_what_is_left_of_a_joint_may_have_made_what_a_finding_explains(joint, gaps, own):
-    said = beside_remaining_gap(finding(joint), tuple(gaps))
+    said = lowered_by_remaining_gap(finding(joint), tuple(gaps))
     assert said.probability == pytest.approx(own)
     assert said.rivals == ()
 
 
 def test_rivals_lose_as_much_as_the_finding():
-    said = beside_remaining_gap(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
+    said = lowered_by_remaining_gap(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
     assert said.probability == pytest.approx(0.45)
     assert [rival.probability for rival in said.rivals] == [pytest.approx(0.15)]
 
 
 def test_steps_that_the_readings_show_stay_as_certain_as_they_are():
     steps = replace(finding("j1"), effect="encoder_quantization")
-    assert beside_remaining_gap(steps, (gap("j1", 3.0, 0.6),)) == steps
+    assert lowered_by_remaining_gap(steps, (gap("j1", 3.0, 0.6),)) == steps

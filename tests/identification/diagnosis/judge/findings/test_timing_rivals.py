@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, losses_beyond
+from identification.diagnosis.judge.findings.timing_rivals import hidden_twins, strong_motion_loss_increases
 from identification.diagnosis.search.rival_sets import compare_with_rivals
 from identification.pipeline import diagnose
 
@@ -23,12 +23,12 @@ def late(lab, planar2):
 
 
 @pytest.fixture
-def beyond(bench_of):
+def beyond(context_of):
     """A function that sums the losses beyond that of an effect on the elbow, by the effects that take its place."""
 
     def summed(prepared, name):
         term = prepared.term(name, "elbow")
-        found = losses_beyond(bench_of(prepared), frozenset([term]), term, frozenset())
+        found = strong_motion_loss_increases(context_of(prepared), frozenset([term]), term, frozenset())
         return {rival.effect_joint: float(loss.sum()) for (rival,), loss in found.items()}
 
     return summed

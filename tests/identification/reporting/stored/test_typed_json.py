@@ -9,7 +9,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 import pytest
 
-from identification.reporting.stored.built import built
+from identification.reporting.stored.typed_json import from_json
 
 Name = TypeVar("Name")
 
@@ -40,16 +40,16 @@ PLAIN = {"size": 1, "count": 2, "part": {"names": ["x"]}, "sizes": [1.0, 2.0], "
 
 def test_an_object_with_parts_has_the_annotated_types():
     whole = PLAIN | {"by_name": {"j1": 3}, "free": {"any": [1]}}
-    found = built(Outer, whole)
+    found = from_json(Outer, whole)
     assert found == Outer(1.0, 2, Inner(("x",)), [1.0, 2.0], None, {"j1": 3.0}, {"any": [1]})
     assert isinstance(found.size, float)
 
 
 def test_null_for_a_number_is_nan_and_for_an_optional_one_none():
-    found = built(Outer, PLAIN | {"size": None, "pair": [None, 2]})
+    found = from_json(Outer, PLAIN | {"size": None, "pair": [None, 2]})
     assert math.isnan(found.size)
     assert math.isnan(found.pair[0])
-    assert built(float | None, None) is None
+    assert from_json(float | None, None) is None
 
 
 @pytest.mark.parametrize(
@@ -71,4 +71,4 @@ def test_null_for_a_number_is_nan_and_for_an_optional_one_none():
 )
 def test_data_of_another_layout_is_refused_with_its_place(change: dict[str, Any], said: str):
     with pytest.raises(ValueError, match=said):
-        built(Outer, PLAIN | change)
+        from_json(Outer, PLAIN | change)

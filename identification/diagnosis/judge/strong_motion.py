@@ -1,10 +1,10 @@
 """Tests effects that depend on the motion at frequencies where the torque is far above the noise.
 
-A disturbance that is not recorded moves a joint, and is the residual of a correct model. The residual is then
-correlated with the acceleration that the disturbance causes, which looks like a wrong inertia. It is also correlated
-with the rate of change of the drive torque, with which the damping of the controller responds. This looks like a delay,
-of some ten milliseconds on a soft joint. Both correlations are small at frequencies where the torque of the motion is
-many times as large as the residual.
+A disturbance that is not recorded moves a joint, and is the residual of a correct model. This residual is correlated
+with the acceleration that the disturbance causes, which looks like a wrong inertia. It is also correlated with the rate
+of change of the drive torque by which the controller damps the motion, which looks like a delay (some ten milliseconds
+on a soft joint). Both correlations are small at frequencies where the torque of the motion is many times as large as
+the residual.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from identification.diagnosis.columns.fewer_columns import columns_for
 from identification.diagnosis.columns.session import Series
 from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_gaps
-from identification.diagnosis.judge.judged_band import Judge, search_below
+from identification.diagnosis.judge.judged_band import JudgedBand, search_below
 from identification.diagnosis.judge.shares import residual_sums_with
 from identification.diagnosis.search.claims import gate_results
 from identification.diagnosis.search.record import EffectJoint
@@ -52,7 +52,7 @@ def depends_on_acceleration(term: Term) -> bool:
 
 
 def predictable_noise(
-    judge: Judge, search: Search, kept: frozenset[Term], noise: Series, sizes: Float[Array, " nv"]
+    judged: JudgedBand, search: Search, chosen: frozenset[Term], noise: Series, sizes: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
     """Mean square of the predictable part of each joint's noise, ``(nv,)``: noise that moves the joint is predictable.
 
@@ -61,31 +61,31 @@ def predictable_noise(
     result is zero.
 
     Args:
-        judge: Noise floor of each joint, without the predictable part.
+        judged: Noise floor of each joint, without the predictable part.
         search: Plain fits in the judged band.
-        kept: Effects that passed the gates.
+        chosen: Effects that passed the gates.
         noise: Noise of each log's torque.
         sizes: Root mean square of each joint's residual with these effects in the model, ``(nv,)``.
     """
     out, joints = np.zeros(len(sizes)), search.problem.session.robot.joint_names
-    above = [row for row in range(len(sizes)) if sizes[row] > judge.highest[row]]
+    above = [row for row in range(len(sizes)) if sizes[row] > judged.highest[row]]
     if not above:
         return out
-    with_motion = {row: kept | _motion_effects(search, joints[row]) for row in above}
-    strong, terms = strong_motion_search(search, kept, frozenset().union(*with_motion.values()), noise)
+    with_motion = {row: chosen | _motion_effects(search, joints[row]) for row in above}
+    strong, terms = strong_motion_search(search, chosen, frozenset().union(*with_motion.values()), noise)
     for row, more in with_motion.items():
-        if not _motion_gate(strong, terms, more, kept).passed:
-            square, square_with_motion = (residual_sums_with(search, some).rms()[row] ** 2 for some in (kept, more))
+        if not _motion_gate(strong, terms, more, chosen).passed:
+            square, square_with_motion = (residual_sums_with(search, some).rms()[row] ** 2 for some in (chosen, more))
             out[row] = max(square - square_with_motion, 0.0)
-    return np.minimum(out, largest_predictable_noise(judge))
+    return np.minimum(out, largest_predictable_noise(judged))
 
 
-def largest_predictable_noise(judge: Judge) -> Float[Array, " nv"]:
+def largest_predictable_noise(judged: JudgedBand) -> Float[Array, " nv"]:
     """Largest mean square of the predictable part of each joint's noise, which the floor does not contain, ``(nv,)``.
 
     It is limited because a residual above `SENSOR_TIMES` times the floor is a gap, whatever its cause.
     """
-    return ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0)
+    return ((rules.SENSOR_TIMES * judged.floor) ** 2 - judged.highest**2).clip(min=0.0)
 
 
 def _motion_effects(search: Search, joint: str) -> frozenset[Term]:

@@ -12,8 +12,8 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.full_fit import FullFit, full_fit
 from identification.diagnosis.fit.gap import ResidualSums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.moved_by_noise import strong_motion_search
+from identification.diagnosis.judge.judged_band import JudgedBand
+from identification.diagnosis.judge.strong_motion import strong_motion_search
 from identification.diagnosis.search.record import EffectJoint, Record
 from identification.diagnosis.search.rival_sets import RivalComparison
 from identification.diagnosis.search.search import Search, with_wide_tolerances
@@ -22,15 +22,15 @@ from phantom_dyn.array_types import Array, Bool, Float
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownEffects:
     """Effects that are shown to the user, and their fits in the judged band.
 
     Attributes:
         plain: The search with plain fits in the judged band.
         chosen: The shown effects, including structures without a name (they match no effect of the catalogue).
         full_fit: Fit of all parameters of these effects at once.
-        comparisons: Comparison of each named effect with its rivals. The other effects of ``all_found`` are fitted,
-            too, so that no rival wins by explaining an effect that is too small to be shown.
+        comparisons: Comparison of each named effect with its rivals, in fits with all other effects of ``all_found``:
+            no rival then wins by explaining an effect that is too small to be shown.
         all_found: All effects that the search has found, after replacements of effects by rivals.
     """
 
@@ -57,11 +57,11 @@ class Shown:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class LoopState:
     """State of the loop over the gates.
 
     Attributes:
-        found: Effects of the search, after replacements of effects by rivals. Comparisons with rivals fit this set.
+        found: Effects of the search, after replacements of effects by rivals; the set that is compared with rivals.
         shown: Those effects of ``found`` that have passed all gates so far.
         barred: Effects and joints that are excluded as rivals.
         displaced: Effects and joints that were replaced by a rival, and may not return while the rival is in the set.
@@ -77,15 +77,15 @@ class State:
     displaced: frozenset[EffectJoint] = frozenset()
     compared: frozenset[EffectJoint] = frozenset()
     exchanges: tuple[tuple[frozenset[Term], frozenset[Term]], ...] = ()
-    compared_sets: tuple[Shown, ...] = ()
+    compared_sets: tuple[ShownEffects, ...] = ()
     done: bool = False
 
     @classmethod
-    def of(cls, found: frozenset[Term]) -> State:
+    def of(cls, found: frozenset[Term]) -> LoopState:
         """The state before the first gate, in which all found effects are shown."""
         return cls(found, found)
 
-    def with_others(self, found: frozenset[Term]) -> State:
+    def with_others(self, found: frozenset[Term]) -> LoopState:
         """The state with another set of effects, all shown: an effect that failed in the old set may pass now."""
         return replace(self, found=found, shown=found)
 
@@ -95,20 +95,20 @@ class Residuals:
     """Functions of a set of effects, which describe the residual with this set in the model.
 
     Attributes:
-        judge_of: Noise floors of the joints; they depend on the set.
+        judged_band_of: Noise floors of the joints; they depend on the set.
         over_allowed: Residual of the given joints, divided by the largest residual of a sound model with noise; zero
             for other joints. A value above one is only a lower limit of the exact one.
         has_structure: True if the state of the robot predicts a part of the residual of the given joints, or if the
             residual contains events.
     """
 
-    judge_of: Callable[[frozenset[Term]], Judge]
+    judged_band_of: Callable[[frozenset[Term]], JudgedBand]
     over_allowed: Callable[[frozenset[Term], Bool[Array, " nv"]], Float[Array, " nv"]]
     has_structure: Callable[[frozenset[Term], Bool[Array, " nv"]], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class GateContext:
     """Searches and fits that the gates use; each fit is computed once.
 
     Attributes:

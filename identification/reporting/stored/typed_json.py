@@ -16,7 +16,7 @@ _LARGEST = 1e150
 """Largest number that is accepted, so that its square, which intervals need, is still finite."""
 
 
-def built(kind: Any, data: Any, at: str = "$") -> Any:
+def from_json(kind: Any, data: Any, at: str = "$") -> Any:
     """Builds an object of a type from plain JSON data; null for a float becomes NaN.
 
     Args:
@@ -40,7 +40,7 @@ def built(kind: Any, data: Any, at: str = "$") -> Any:
         return plain(_entries(parts, data, at))
     if issubclass(plain, Mapping):
         pairs = data.items() if isinstance(data, dict) else _refuse("object", data, at)
-        return {key: built(parts[1], value, f"{at}.{key}") if parts else value for key, value in pairs}
+        return {key: from_json(parts[1], value, f"{at}.{key}") if parts else value for key, value in pairs}
     # ``isinstance`` would accept true and false as integers.
     return data if type(data) is plain else _refuse(plain.__name__, data, at)
 
@@ -63,10 +63,10 @@ def _one_of(kinds: tuple[Any, ...], data: Any, at: str) -> Any:
     *others, last = (kind for kind in kinds if kind is not NoneType)
     for kind in others:
         try:
-            return built(kind, data, at)
+            return from_json(kind, data, at)
         except ValueError:
             continue
-    return built(last, data, at)
+    return from_json(last, data, at)
 
 
 def _object(kind: Any, parameters: tuple[Any, ...], data: Any, at: str) -> Any:
@@ -83,21 +83,17 @@ def _object(kind: Any, parameters: tuple[Any, ...], data: Any, at: str) -> Any:
     types = {
         name: hints[name][parameters] if getattr(hints[name], "__parameters__", ()) else hints[name] for name in data
     }
-    return kind(**{name: built(types[name], value, f"{at}.{name}") for name, value in data.items()})
+    return kind(**{name: from_json(types[name], value, f"{at}.{name}") for name, value in data.items()})
 
 
 def _entries(parts: tuple[Any, ...], data: Any, at: str) -> list[Any]:
-    """Entries of a list or tuple.
-
-    With ``parts`` of ``float`` or ``float, ...`` all entries have one type and their number is free. Otherwise
-    ``parts`` has one type for each entry.
-    """
+    """Entries of a list or tuple; ``parts`` has a type for each, or one for all, as ``float`` or ``float, ...``."""
     if not isinstance(data, list | tuple):
         _refuse("array", data, at)
     kinds = parts if len(parts) > 1 and parts[-1] is not Ellipsis else parts[:1] * len(data)
     if len(kinds) != len(data):
         raise ValueError(f"Expected {len(kinds)} entries, got {len(data)} - at {at}")
-    return [built(kind, entry, f"{at}[{k}]") for k, (kind, entry) in enumerate(zip(kinds, data, strict=True))]
+    return [from_json(kind, entry, f"{at}[{k}]") for k, (kind, entry) in enumerate(zip(kinds, data, strict=True))]
 
 
 @cache

@@ -23,7 +23,7 @@ from phantom_dyn.model.robot import Robot
 # A position error in the simulation under the controllers is noted if it exceeds this many standard deviations of the
 # position readings.
 _LARGE_ERROR = 10.0
-_TWIN = (
+_ONLY_PRODUCT = (
     "positions determine only the product of torque constant and controller gain: measure the current or torque, or "
     "attach a known mass to the robot"
 )
@@ -60,8 +60,8 @@ def without_gain_ambiguities(
     estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     results = _gate_results(judgement.findings, estimated, robot)
     removed = {effect_joint for effect_joint, result in results.items() if not result.passed}
-    kept = [_effect_joint(finding) not in removed for finding in judgement.findings]
-    findings = tuple(compress(judgement.findings, kept))
+    remains = [_effect_joint(finding) not in removed for finding in judgement.findings]
+    findings = tuple(compress(judgement.findings, remains))
     found = {_effect_joint(finding) for finding in findings}
     hidden_by_gains = _hidden_by_gains(judgement, estimated)
     hidden = {(entry.effect, entry.joint) for entry in hidden_by_gains}
@@ -84,7 +84,7 @@ def without_gain_ambiguities(
         if _effect_joint(one) not in removed
     )
     warned += _zero_notes(findings, robot)
-    shown = tuple(compress(judgement.evidence.tau_without, kept))
+    shown = tuple(compress(judgement.evidence.tau_without, remains))
     verdict = "no_gap" if not findings and judgement.verdict == "explained" else judgement.verdict
     return replace(
         judgement,
@@ -96,7 +96,7 @@ def without_gain_ambiguities(
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),
         notes=(*judgement.notes, *(_stray_notes(judgement, rollout, robot) if verdict == "no_gap" else ())),
-        ledger=tuple(_limited(claim, results) for claim in judgement.ledger),
+        ledger=tuple(_with_gain_gate(claim, results) for claim in judgement.ledger),
     )
 
 
@@ -122,7 +122,7 @@ def _gate_results(
 
 def _hidden_by_gains(judgement: Judgement, estimated: set[str]) -> list[NotTestable]:
     """Effects that gains hide: torque constants always, others if the gain was estimated from the same positions."""
-    out = [NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints]
+    out = [NotTestable("torque_constant", gap.joint, _ONLY_PRODUCT) for gap in judgement.joints]
     joints = [gap.joint for gap in judgement.joints if gap.joint in estimated]
     out += [NotTestable("viscous_friction", joint, _DAMPING) for joint in joints]
     out += [NotTestable("inertial_parameters", joint, _LOAD) for joint in joints]
@@ -131,7 +131,7 @@ def _hidden_by_gains(judgement: Judgement, estimated: set[str]) -> list[NotTesta
     return out
 
 
-def _limited(claim: Claim[EffectAt], results: Mapping[tuple[str, str | None], GateResult]) -> Claim[EffectAt]:
+def _with_gain_gate(claim: Claim[EffectAt], results: Mapping[tuple[str, str | None], GateResult]) -> Claim[EffectAt]:
     """An entry of the ledger, with the result of the gate `beyond_the_gain` if its effect was a finding."""
     result = results.get((claim.effects[0].effect, claim.effects[0].joint))
     if result is None or claim.outcome != "claimed":
@@ -157,8 +157,8 @@ def _zero_notes(findings: tuple[Finding, ...], robot: Robot) -> tuple[Note, ...]
 def _stray_notes(judgement: Judgement, simulated: Rollout, robot: Robot) -> tuple[Note, ...]:
     """A note for each joint whose simulated position error is larger than noise and the residual torque explain.
 
-    Under a position controller, an unmodelled torque causes a position error of the torque divided by the gain kp. A
-    residual that is too small to count as a gap also causes such an error.
+    Under a position controller, an unmodelled torque causes a position error of the torque divided by the gain kp, also
+    if the torque is too small to count as a gap.
     """
     rollout = simulated.json or {}
     errors, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
