@@ -36,6 +36,8 @@ _LEAST_WAY, _BEYOND_SHAKE = 1e-3, 50.0
 _WATCHED, _HIDDEN, _COUNTS = 0.25, 0.3, 8.0
 # Factor by which the noise is assumed to be larger than the estimate for white noise, as it is not white.
 _CAUTION = 3.0
+# A residual at a short stop counts as held by friction from this multiple of the usual residual in motion on.
+_HELD = 2.0
 # A sample of the band is used if its share of standstill, weighted by the filter's kernel, is below this. A quarter of
 # the kernel at either end has this weight.
 _STANDING = 0.055
@@ -226,18 +228,24 @@ def standstill_std(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
 
 
 def held_std(robot: Robot, log: Log, residual: Float[Array, "n nv"]) -> Float[Array, "n nv"]:
-    """Standard deviation, in the band, of what friction that the model lacks may hold while a joint stands still.
+    """Standard deviation, in the band, of what friction that the model lacks may hold during short stops of a joint.
 
-    Such friction is not known, but what it holds is no more than the residual.
+    In stick-slip a joint stops for less than a period of the band's edge, so that `usable_samples` keeps the samples.
+    Static friction then holds several times the friction of the motion. It is not known, but it holds no more than the
+    part of the residual that is larger than twice the usual residual in motion.
 
     Args:
         robot: States the steps of the encoders.
         log: The recording.
         residual: Residual of the given model, in the band.
     """
-    time, size = np.arange(len(log.motion.v)), np.abs(residual)
-    held = np.column_stack([np.interp(time, log.samples, size[:, j]) for j in range(size.shape[1])])
-    return _after_filter(log, np.where(encoder_still(robot, log), _largest_nearby(log, held), 0.0))
+    still, size = encoder_still(robot, log), np.abs(residual)
+    time, held = np.arange(len(still)), np.zeros(still.shape)
+    for j in range(robot.nv):
+        moving = size[~still[log.samples, j], j]
+        usual = float(np.median(moving)) if len(moving) else np.inf
+        held[:, j] = np.interp(time, log.samples, np.where(size[:, j] > _HELD * usual, size[:, j], 0.0))
+    return _after_filter(log, np.where(still & ~standing_still(log), held, 0.0))
 
 
 def creeping_std(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:

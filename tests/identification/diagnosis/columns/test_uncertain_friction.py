@@ -125,14 +125,17 @@ def test_standing_friction_is_evenly_anywhere_up_to_breakaway():
     np.testing.assert_allclose(doubt, apart.std(), rtol=0.01)
 
 
-def test_a_joint_at_standstill_may_hold_what_the_model_leaves_there_and_nothing_while_it_moves(pendulum):
-    # By hand: it stands from 1 to 2 s, where the model leaves 0.9 N m, and 0.1 N m elsewhere.
-    log = log_of(stopping())
+@pytest.mark.parametrize(("stop", "left", "holds"), [(0.04, -0.9, True), (0.04, -0.19, False), (1.0, -0.9, False)])
+def test_a_short_stop_may_hold_a_residual_that_is_larger_than_in_motion(pendulum, stop, left, holds):
+    # By hand: the model leaves 0.1 N m in motion. A long stop is left out anyway, and no fit uses it.
+    log = log_of(0.5 * (np.minimum(T, 2.0) + np.maximum(T - 2.0 - stop, 0.0)))
     t = T[log.samples]
-    left = np.where((t >= 1.0) & (t <= 2.0), -0.9, 0.1)[:, None]
-    held = held_std(pendulum, log, left)[:, 0]
-    np.testing.assert_allclose(held[(t > 1.06) & (t < 1.94)], 0.9, rtol=1e-9)
-    assert not held[(t < 0.94) | (t > 2.06)].any()
+    residual = np.where((t >= 1.95) & (t <= 2.05 + stop), left, 0.1)[:, None]
+    held = held_std(pendulum, log, residual)[:, 0]
+    middle = held[np.argmin(np.abs(t - 2.0 - stop / 2))]
+    share = np.abs(log.band.kernel)[log.band.half - 20 : log.band.half + 21].sum() if holds else 0.0
+    assert middle == pytest.approx(abs(left) * share, rel=0.2)
+    assert not held[(t < 1.93) | (t > 2.07 + stop)].any()
 
 
 def test_what_standing_leaves_open_reaches_as_far_as_the_filter():
