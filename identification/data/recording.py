@@ -22,71 +22,58 @@ def row_place(row: int) -> str:
 
 
 @dataclass(frozen=True)
-class RawTable:
-    """Columns of a file under the file's own names.
+class Table:
+    """Columns of a file under their standard names (``t``, ``q.<joint>``, ...), before any robot is known.
 
     Attributes:
         file: Name of the file, for messages.
-        columns: One 1-D float array per column that could be read as numbers; lengths may differ.
-        problems: For each column that could not be read, the message of the error that its use raises.
-        place: Words for the place of a sample (from 0) in the file, for messages.
-        warnings: Warnings from reading.
+        columns: One 1-D float array per column, all of the same length.
+        warnings: Warnings from reading, such as dropped repeated rows.
         compensated: Parts that a controller had subtracted from the torque of a joint, ``gravity``, ``friction`` or
             both; the key ``""`` stands for all joints.
         low_pass: Cut-off [Hz] of a first-order low pass that was applied to the torque of a joint and not to its
             position; the key ``""`` stands for all joints.
-        joint_names: Names of the joints of numbered columns such as ``q[0]``, if the file states them.
-        numbered: True for a format that defines its numbered columns ``q[0]``, ``tau[0]``, ..., so that no map is
-            needed.
-        asks_units: True for a format that does not state the units of its joints, so that a column map has to.
-        documented_joint_orders: Sequences of joint names that the format's documentation gives for its numbered
-            columns; empty if it gives none.
         named: Column of the file for each standard name in the user's column map; empty without a map.
         references_held: True if the format says that a reference acts from its sample to the next one.
         late: Time [s] by which the torque of a joint was recorded late; the key ``""`` stands for all joints.
     """
 
     file: str
-    columns: Mapping[str, Array]
-    problems: Mapping[str, str] = field(default_factory=dict)
-    place: Callable[[int], str] = row_place
+    columns: Mapping[str, Float[Array, " _"]]
     warnings: tuple[str, ...] = ()
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     low_pass: Mapping[str, float] = field(default_factory=dict)
+    named: Mapping[str, str] = field(default_factory=dict)
+    references_held: bool = False
+    late: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RawTable(Table):
+    """Columns of a file under the file's own names; lengths may differ.
+
+    Attributes:
+        problems: For each column that could not be read, the message of the error that its use raises.
+        place: Words for the place of a sample (from 0) in the file, for messages.
+        joint_names: Names of the joints of numbered columns such as ``q[0]``, if the file states them.
+        numbered: True for a format that defines its numbered columns ``q[0]``, ``tau[0]``, ..., so that no map is
+            needed.
+        asks_units: True for a format that does not state the units of its joints, so that a column map has to.
+        documented_joint_orders: Sequences of joint names that the format's documentation gives for its numbered
+            columns; empty if it gives none.
+    """
+
+    problems: Mapping[str, str] = field(default_factory=dict)
+    place: Callable[[int], str] = row_place
     joint_names: tuple[str, ...] = ()
     numbered: bool = False
     asks_units: bool = False
     documented_joint_orders: tuple[tuple[str, ...], ...] = ()
-    named: Mapping[str, str] = field(default_factory=dict)
-    references_held: bool = False
-    late: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
         """All column names, readable or not."""
         return (*self.columns, *self.problems)
-
-
-@dataclass(frozen=True)
-class Table:
-    """Columns of a file under their standard names (``t``, ``q.<joint>``, ...), before any robot is known.
-
-    The attributes that are not listed have the same meaning as in `RawTable`.
-
-    Attributes:
-        file: Name of the file, for messages.
-        columns: One 1-D float array per column, all of the same length.
-        warnings: Warnings from reading, such as dropped repeated rows.
-    """
-
-    file: str
-    columns: Mapping[str, Float[Array, " N"]]
-    warnings: tuple[str, ...] = ()
-    compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    low_pass: Mapping[str, float] = field(default_factory=dict)
-    named: Mapping[str, str] = field(default_factory=dict)
-    references_held: bool = False
-    late: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

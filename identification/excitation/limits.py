@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from identification.excitation.closable import CLEAR, largest_slope, solved_numerically
 from identification.excitation.collisions import Collisions, distances
-from phantom_dyn.array_types import Array, Bool, Float, ReadOnlyArrays
+from phantom_dyn.array_types import Array, Float, ReadOnlyArrays
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
@@ -26,31 +26,11 @@ SPEED = {False: 1.0, True: 0.25}
 """Speed limit if none is stated: of revolute joints (False) [rad/s], and of linear joints (True) [m/s]."""
 
 
-@dataclass(frozen=True)
-class StatedLimits:
-    """Limits that a robot states for the joints of its tree and its drives; infinite if none is stated.
+def stated_limits(robot: Robot) -> Limits:
+    """Limits that a robot states, infinite if none is stated.
 
-    Attributes:
-        names: Names of the joints of the tree.
-        linear: True for linear joints, shape ``(nt,)``.
-        lower: Lower limits of position [rad or m], shape ``(nt,)``.
-        upper: Upper limits of position [rad or m], shape ``(nt,)``.
-        velocity: Largest speed [rad/s or m/s], shape ``(nt,)``.
-        torque: Largest drive torque of the active joints [N m or N], shape ``(nv,)``.
-        notes: Sentences for the user.
+    Zero, numbers above `_UNLIMITED`, and limits of continuous joints mean no limit.
     """
-
-    names: tuple[str, ...]
-    linear: Bool[Array, " nt"]
-    lower: Float[Array, " nt"]
-    upper: Float[Array, " nt"]
-    velocity: Float[Array, " nt"]
-    torque: Float[Array, " nv"]
-    notes: tuple[str, ...] = ()
-
-
-def stated_limits(robot: Robot) -> StatedLimits:
-    """Limits that a robot states. Zero, numbers above `_UNLIMITED`, and limits of continuous joints mean no limit."""
     model = robot.model
     joints = list(model.joints)[1:]
     names = tuple(model.names)[1:]
@@ -71,7 +51,7 @@ def stated_limits(robot: Robot) -> StatedLimits:
         unlimited = [name for name, limit in zip(robot.joint_names, torque, strict=True) if not np.isfinite(limit)]
         notes.append(f"The robot states no torque limit of {', '.join(unlimited)}: the torque is not limited there.")
     velocity = _infinite_unless_stated(np.array(model.velocityLimit))
-    return StatedLimits(names, linear_joints(model), lower, upper, velocity, torque, tuple(notes))
+    return Limits(lower, upper, velocity, np.full(robot.nv, np.inf), torque, notes=tuple(notes))
 
 
 def stated_torque_limits(robot: Robot) -> Float[Array, " nv"]:
@@ -198,11 +178,11 @@ def limits_of(
     speed = np.array(stated.velocity)
     wanted = _per_joint(robot, velocity, "velocity")
     speed[active] = np.minimum(speed[active], wanted)
-    linear = stated.linear
+    linear = linear_joints(robot.model)
     unlimited = ~np.isfinite(speed)
     unlimited[np.setdiff1d(np.arange(len(speed)), active)] = False  # passive joints need no limit
     if unlimited.any():
-        names = ", ".join(stated.names[row] for row in np.flatnonzero(unlimited))
+        names = ", ".join(robot.model.names[row + 1] for row in np.flatnonzero(unlimited).tolist())
         kept = " and ".join(
             f"{SPEED[kind]:g} {unit}" for kind, unit in ((False, "rad/s"), (True, "m/s")) if kind in linear[unlimited]
         )

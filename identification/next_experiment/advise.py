@@ -82,7 +82,8 @@ def known_mass(robot: Robot, share: float) -> KnownMass:
     """
     body = payload_body(robot)
     inertia = robot.model.inertias[body]
-    mass = _one_digit(share * max(float(inertia.mass), 0.02))
+    # Rounded to one digit, and at least a gram.
+    mass = float(f"{max(share * max(float(inertia.mass), 0.02), 1e-3):.0e}")
     if robot.payload_frame is not None:
         return KnownMass(mass, (0.0, 0.0, 0.0), f"frame {robot.payload_frame}")
     tip = tip_of(robot)
@@ -94,11 +95,6 @@ def known_mass(robot: Robot, share: float) -> KnownMass:
 def with_mass(robot: Robot, mass: KnownMass) -> Robot:
     """The robot with the mass attached."""
     return with_payload(robot, KnownPayload(mass.mass, mass.center))
-
-
-def _one_digit(x: float) -> float:
-    """A number rounded to one digit, at least 0.001."""
-    return float(f"{np.maximum(x, 1e-3):.0e}")
 
 
 def simulated_tracking(robot: Robot, reference: Motion, share: float) -> Motion | None:

@@ -77,7 +77,9 @@ def certain_faults(
     found = better_readings(robot, reading, step)
     wrong = _with_entries_of_all([one for one in found if one.suspect.outcome == "wrong"])
     faults = tuple(_fault(recording, robot, reading, one) for one in wrong)
-    offers = tuple(_offer(recording, one) for one in found if one.suspect.outcome == "offer")
+    # Mistakes that are possible but not certain, such as gravity subtracted by a controller.
+    possible = (one.suspect for one in found if one.suspect.outcome == "offer")
+    offers = tuple(f"{recording.file}: {suspect.what}: {_advice(recording, suspect)}." for suspect in possible)
     # Corrections are found one after the other, so the last fit has all of them. If a part of the torque is unexplained
     # even then, no correction is certain, unless one was very likely before any fit (`expected`). The corrections are
     # then only offered.
@@ -114,11 +116,6 @@ def _uncertain(recording: Recording, robot: Robot, faults: tuple[Fault, ...], la
         "another mistake, or this is none."
         for fault in faults
     )
-
-
-def _offer(recording: Recording, found: ReadingFit) -> str:
-    """The sentence on a mistake that is possible but not certain, such as gravity subtracted by a controller."""
-    return f"{recording.file}: {found.suspect.what}: {_advice(recording, found.suspect)}."
 
 
 def load_or_current_words(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[str, ...]:

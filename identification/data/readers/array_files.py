@@ -70,7 +70,7 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
     with np.load(file, allow_pickle=False) as archive:
         if not archive.files:
             raise LogError(f"{path.name} is empty: an NPZ log needs one array per column.")
-        _require_unique(path, [name.removesuffix(".npy") for name in archive.zip.namelist()])
+        require_unique(path.name, [name.removesuffix(".npy") for name in archive.zip.namelist()])
         for name in archive.files:
             try:
                 array = archive[name]
@@ -90,7 +90,7 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
                 columns |= numbered(name, _read_only_view(array.astype(float, copy=False)))
             else:
                 problems[name] = sentence
-    return RawTable(path.name, columns, problems, joint_names=names)
+    return RawTable(path.name, columns, problems=problems, joint_names=names)
 
 
 def _read_only_view(array: Array) -> Array:
@@ -109,12 +109,12 @@ def _read_only_view(array: Array) -> Array:
     return array
 
 
-def _require_unique(path: Path, names: Iterable[str]) -> None:
+def require_unique(file: str, names: Iterable[str]) -> None:
     """Raise an error if two columns have the same name."""
     repeated = [name for name, count in Counter(names).items() if count > 1]
     if repeated:
         raise LogError(
-            f"{path.name}: the column name {shortened(repeated[0])} is there twice: give every column its own name."
+            f"{file}: the column name {shortened(repeated[0])} is there twice: give every column its own name."
         )
 
 
@@ -123,13 +123,6 @@ def _holds_numbers(kind: Any) -> bool:
     import pyarrow as pa
 
     return pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
-
-
-def _wanted(kind: Any) -> str:
-    """Advice on what to write instead of values of an Arrow type that are no numbers."""
-    import pyarrow as pa
-
-    return _SECONDS if pa.types.is_temporal(kind) else "write floats"
 
 
 def _holds_lists(kind: Any) -> bool:
@@ -192,7 +185,7 @@ def open_parquet(path: Path) -> Any:
 
     file = pq.ParquetFile(path)
     require_small_parquet(path, file.metadata)
-    _require_unique(path, file.schema_arrow.names)
+    require_unique(path.name, file.schema_arrow.names)
     return file
 
 
@@ -209,13 +202,16 @@ def read_parquet(path: Path) -> RawTable:
         LogError: If the file declares too large sizes, repeats a column name, or the library is not installed.
     """
     file = open_parquet(path)
+    import pyarrow as pa
+
     kinds = dict(zip(file.schema_arrow.names, file.schema_arrow.types, strict=True))
     # Only columns of numbers are read, as texts may be of any size.
     wanted = [name for name, kind in kinds.items() if _holds_numbers(kind) or _holds_lists(kind)]
     columns, problems = parquet_columns(path.name, file.read(columns=wanted))
     problems |= {
-        name: f"{path.name}: column {shortened(name)} holds {kind} where numbers should be: {_wanted(kind)}."
+        name: f"{path.name}: column {shortened(name)} holds {kind} where numbers should be: "
+        f"{_SECONDS if pa.types.is_temporal(kind) else 'write floats'}."
         for name, kind in kinds.items()
         if name not in wanted
     }
-    return RawTable(path.name, columns, problems)
+    return RawTable(path.name, columns, problems=problems)

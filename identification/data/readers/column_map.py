@@ -290,12 +290,12 @@ def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = Non
     return RawTable(
         raw.file,
         out,
-        {name: text for name, text in raw.problems.items() if name not in replaced and name not in sources},
-        raw.place,
         (*raw.warnings, *number_warnings),
         columns.compensated,
         columns.low_pass,
-        named={key: source.name for key, source in sources.items()},
-        references_held=raw.references_held,
-        late=columns.late,
+        {key: source.name for key, source in sources.items()},
+        raw.references_held,
+        columns.late,
+        problems={name: text for name, text in raw.problems.items() if name not in replaced and name not in sources},
+        place=raw.place,
     )

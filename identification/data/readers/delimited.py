@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.data.readers.array_files import MOST_IN_LIST, numbered
+from identification.data.readers.array_files import MOST_IN_LIST, numbered, require_unique
 from identification.data.readers.contract_columns import column_of
 from identification.data.recording import RawTable
 from phantom_dyn.array_types import Array
@@ -109,18 +109,12 @@ def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
     )
 
 
-def _require_unique(file: str, names: list[str]) -> None:
+def _require_names(file: str, names: list[str]) -> None:
     """Raise an error for a column without name, or two columns with the same name."""
-    seen: set[str] = set()
-    for column, name in enumerate(names, start=1):
-        if not name and column == 1:
-            # This may be the index of a pandas table, see `_without_index`.
-            continue
-        if not name:
-            raise LogError(f"{file}: column {column} has no name: name every column in the first line.")
-        if name in seen:
-            raise LogError(f"{file}: the column name {shortened(name)} is there twice: give every column its own name.")
-        seen.add(name)
+    # The first column may be the index of a pandas table, see `_without_index`.
+    if "" in names[1:]:
+        raise LogError(f"{file}: column {names.index('', 1) + 1} has no name: name every column in the first line.")
+    require_unique(file, names)
 
 
 def _without_index(file: str, columns: dict[str, Array], names: list[str]) -> tuple[str, ...]:
@@ -240,7 +234,7 @@ def read_delimited(path: Path) -> RawTable:
     """
     data = _text(path)
     names, separator, own_line = _header(path.name, data)
-    _require_unique(path.name, names)
+    _require_names(path.name, names)
     body = _SKIPPED.sub(b"", data)
     if own_line:
         body = body[body.index(b"\n") + 1 :]
@@ -256,4 +250,4 @@ def read_delimited(path: Path) -> RawTable:
     else:
         columns, problems = dict(zip(names, arrays, strict=True)), {}
     warnings = _without_index(path.name, columns, names)
-    return RawTable(path.name, columns, problems, lambda row: _line_of(data, own_line, row), warnings)
+    return RawTable(path.name, columns, warnings, problems=problems, place=lambda row: _line_of(data, own_line, row))

@@ -137,7 +137,8 @@ def read_episode(folder: Path, episode: int) -> RawTable:
             "record the state of the robot."
         )
     # An action is sent once per frame, and the servos hold it until the next one.
-    return RawTable(name, _named(columns, info["features"]), problems, asks_units=True, references_held=True)
+    named = _named(columns, info["features"])
+    return RawTable(name, named, references_held=True, problems=problems, asks_units=True)
 
 
 def _files(folder: Path, episode: int) -> list[Path]:

@@ -76,7 +76,7 @@ def usable_columns(columns: str | Path) -> str | Path:
 
 def fitting_presets(names: Sequence[str]) -> tuple[str, ...]:
     """Presets that fit the columns of a file."""
-    raw = RawTable("log", {}, dict.fromkeys(names, ""))
+    raw = RawTable("log", {}, problems=dict.fromkeys(names, ""))
     out = []
     for name in PRESETS:
         preset = preset_of(name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,45 +12,34 @@ from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import LogError
 
 
-@dataclass(frozen=True)
-class SentReferences:
-    """References at the times at which they were sent.
-
-    Attributes:
-        source: Topic or file, for messages.
-        t: Time at which each reference was sent [s], on the clock of the states.
-        columns: Values by name of the column in the table, such as ``q_ref.elbow``.
-    """
-
-    source: str
-    t: Float[Array, " M"]
-    columns: Mapping[str, Float[Array, " M"]]
-
-
-def with_references(table: RawTable, reference: SentReferences) -> RawTable:
+def with_references(
+    table: RawTable, source: str, sent: Float[Array, " M"], references: Mapping[str, Float[Array, " M"]]
+) -> RawTable:
     """The states, each with the last reference sent before it; states before the first reference are left out.
 
     Args:
         table: States with a column ``t`` [s].
-        reference: References that were sent; they replace columns of the same name.
+        source: Topic or file of the references, for messages.
+        sent: Time at which each reference was sent [s], on the clock of the states.
+        references: Values by name of the column in the table, such as ``q_ref.elbow``, whose place they take.
 
     Raises:
         LogError: If all states are before the first reference.
     """
     t = table.columns["t"]
-    order = np.argsort(reference.t, kind="stable")
-    at = np.searchsorted(reference.t[order], t, side="right") - 1
+    order = np.argsort(sent, kind="stable")
+    at = np.searchsorted(sent[order], t, side="right") - 1
     kept = at >= 0
     if not kept.any():
         raise LogError(
-            f"{table.file}: all references of {reference.source} came after the last state: record both at the same "
+            f"{table.file}: all references of {source} came after the last state: record both at the same "
             "time, and by the same clock."
         )
     rows = order[at[kept]]
     columns = {name: values[kept] for name, values in table.columns.items()}
-    columns |= {name: values[rows] for name, values in reference.columns.items()}
+    columns |= {name: values[rows] for name, values in references.items()}
     first = int(np.argmax(kept))
-    warning = f"{table.file}: {first} states before the first reference of {reference.source} were left out."
+    warning = f"{table.file}: {first} states before the first reference of {source} were left out."
     return replace(
         table,
         columns=columns,

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from identification.data.readers.delimited import read_delimited
-from identification.data.readers.references import SentReferences, with_references
+from identification.data.readers.references import with_references
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.files.plain_file import require_plain_file
@@ -36,7 +36,7 @@ def with_neighbours(path: Path, raw: RawTable) -> RawTable:
             raise LogError(f"{control} has no columns timestamp and positions, so it is no control.csv of SAGE.")
         columns = {f"control{name.removeprefix('positions')}": commands.columns[name] for name in places}
         timed = replace(raw, columns={**raw.columns, "t": raw.columns["timestamp"]})
-        found = with_references(timed, SentReferences(_CONTROL, commands.columns["timestamp"], columns))
+        found = with_references(timed, _CONTROL, commands.columns["timestamp"], columns)
         raw = replace(found, columns={name: values for name, values in found.columns.items() if name != "t"})
     return replace(raw, joint_names=names)
 

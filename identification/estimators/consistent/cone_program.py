@@ -42,38 +42,17 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Values:
-    """Numbers of a program with coordinates ``u``.
-
-    Attributes:
-        rows: Rows of the inequalities ``rows @ u >= least``.
-        least: Right-hand sides of the inequalities.
-        slopes: Derivatives of the matrix of each body, row by row, ``(bodies, 16, unknowns)``.
-        constants: Matrix of each body at ``u = 0``, ``(bodies, 4, 4)``.
-        margins: Lower bound of each matrix in the order of semidefinite matrices, ``(bodies, 4, 4)``.
-    """
-
-    rows: Array
-    least: Array
-    slopes: Array
-    constants: Array
-    margins: Array
-
-
-@dataclass(frozen=True)
 class ConeProgram:
     """A cvxpy program whose numbers are set before each solution; a lock allows one solution at a time.
 
     Attributes:
-        shape: Sizes of the program's arrays.
         problem: The cvxpy problem.
         unknowns: The cvxpy variable.
         limits: The linear inequalities, or None.
         bodies: The matrix inequality of each body.
-        parameters: The cvxpy parameters, in the order of `_numbers`.
+        parameters: The cvxpy parameters, in the order of the numbers of `solved`.
     """
 
-    shape: Shape
     problem: Any
     unknowns: Any
     limits: Any
@@ -81,8 +60,14 @@ class ConeProgram:
     parameters: list[Any]
     _alone: threading.Lock = field(default_factory=threading.Lock)
 
-    def solved(self, values: Values, tolerance: float) -> tuple[Array, Array, list[Array], str]:
+    def solved(self, numbers: list[Array], tolerance: float) -> tuple[Array, Array, list[Array], str]:
         """Solve the program for some numbers.
+
+        Args:
+            numbers: If there are inequalities ``rows @ u >= least``, ``rows`` and ``least``. Then for each body the
+                derivatives of its matrix, row by row, by the coordinates from its first one on, ``(16, k)``, its matrix
+                at ``u = 0``, ``(4, 4)``, and the lower bound of the matrix in the order of semidefinite matrices.
+            tolerance: Clarabel's tolerance of the solution.
 
         Returns:
             Coordinates at the minimum, dual values of the linear inequalities, dual values of the matrix inequalities,
@@ -94,7 +79,7 @@ class ConeProgram:
         with self._alone, warnings.catch_warnings():
             # The warning on inaccurate solutions is not needed, as callers check the status.
             warnings.simplefilter("ignore", UserWarning)
-            for parameter, value in zip(self.parameters, _numbers(self.shape, values), strict=True):
+            for parameter, value in zip(self.parameters, numbers, strict=True):
                 parameter.value = value
             try:
                 self.problem.solve(
@@ -111,14 +96,6 @@ class ConeProgram:
             bound_multipliers = np.zeros(0) if self.limits is None else np.array(self.limits.dual_value)
             body_multipliers = [np.array(body.dual_value) for body in self.bodies]
             return np.array(self.unknowns.value), bound_multipliers, body_multipliers, str(self.problem.status)
-
-
-def _numbers(shape: Shape, values: Values) -> list[Array]:
-    """Numbers of a program of this shape, in the order in which `cone_program` makes its parameters."""
-    out = [values.rows, values.least] if shape.inequalities else []
-    for at, first in enumerate(shape.bodies):
-        out += [values.slopes[at][:, first:], values.constants[at], values.margins[at]]
-    return out
 
 
 @lru_cache(maxsize=_MOST_PROGRAMS)
@@ -144,4 +121,4 @@ def cone_program(shape: Shape) -> ConeProgram:
         matrix = cp.reshape(parameter(16, shape.unknowns - first) @ u[first:], (4, 4), order="C") + parameter(4, 4)
         bodies.append(matrix >> parameter(4, 4))
     problem = cp.Problem(cp.Minimize(0.5 * cp.sum_squares(u)), [*([] if limits is None else [limits]), *bodies])
-    return ConeProgram(shape, problem, u, limits, bodies, parameters)
+    return ConeProgram(problem, u, limits, bodies, parameters)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag, null_space, solve_triangular
 
-from identification.estimators.consistent.cone_program import Shape, Values, cone_program
+from identification.estimators.consistent.cone_program import Shape, cone_program
 from identification.estimators.consistent.consistent_bodies import PSEUDO, ReferenceBody, pseudo_inertia
 from phantom_dyn.array_types import Array, Float
 from phantom_dyn.errors import EstimationError
@@ -112,7 +112,8 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
     Each equation is divided by the length of its row, so that large and small equations count alike if not all can
     hold.
     """
-    roots = [_root(body) for body in program.bodies]
+    # With the root U of a body, |U^-1 d| is the prior distance of a change d in units of the reference's scale.
+    roots = [solve_triangular(np.linalg.qr(body.metric, mode="r"), np.eye(10)) for body in program.bodies]
     free = program.factor.shape[1] - 10 * len(program.bodies)
     inverse = np.asarray(block_diag(*roots, np.eye(free) / FREE))
     scale = program.scale
@@ -122,11 +123,6 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
     sizes[sizes == 0] = 1.0
     step = np.linalg.lstsq(rows / sizes[:, None], (program.target - program.factor @ start) / sizes, rcond=None)[0]
     return start + scale * (inverse @ step)
-
-
-def _root(body: ReferenceBody) -> Array:
-    """Matrix ``U`` for which ``|U^-1 d|`` is the prior distance of a change ``d`` in units of the reference's scale."""
-    return np.asarray(solve_triangular(np.linalg.qr(body.metric, mode="r"), np.eye(10)))
 
 
 def solve_program(program: Program) -> ProgramSolution:
@@ -162,17 +158,12 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
     # Unless the equations are exact, the map from coordinates to parameters is upper triangular: a body depends only on
     # the coordinates from its own first parameter on.
     first = tuple(0 if program.exact else 10 * body for body in range(n))
-    bodies = [slice(10 * body, 10 * body + 10) for body in range(n)]
-    slopes = [np.einsum("kd,kij->ijd", back[body], PSEUDO).reshape(1, 16, -1) for body in bodies]
-    values = Values(
-        rows=rows @ back,
-        least=least - rows @ start,
-        slopes=np.concatenate([np.zeros((0, 16, back.shape[1])), *slopes]),
-        constants=pseudo_inertia(start[: 10 * n].reshape(n, 10)),
-        margins=np.tile(program.margin * np.eye(4), (n, 1, 1)),
-    )
-    shape = Shape(back.shape[1], first, len(least))
-    change, bound_multipliers, body_multipliers, status = cone_program(shape).solved(values, tolerance)
+    numbers = [rows @ back, least - rows @ start] if len(least) else []
+    for body, constant in enumerate(pseudo_inertia(start[: 10 * n].reshape(n, 10))):
+        slopes = np.einsum("kd,kij->ijd", back[10 * body : 10 * body + 10, first[body] :], PSEUDO)
+        numbers += [slopes.reshape(16, -1), constant, program.margin * np.eye(4)]
+    solve = cone_program(Shape(back.shape[1], first, len(least))).solved
+    change, bound_multipliers, body_multipliers, status = solve(numbers, tolerance)
     if status not in ("optimal", "optimal_inaccurate"):
         return None, status
     x = start + back @ change

@@ -43,7 +43,11 @@ def explained_by_the_model(robot: Robot, reading: Reading) -> list[ReadingFit]:
         tried = [fit_of(robot, before, reading, one, AS_MODELLED) for one in suspects]
         return [one for one in tried if is_certain(one) and explains_nearly_all(one)]
 
-    exchanged = [one for one in fits(_exchanges(robot, reading, before)) if _improves_all(one)]
+    exchanged = [
+        one
+        for one in fits(_exchanges(robot, reading, before))
+        if np.all(one.joint_gains[list(one.suspect.joints)] >= FAR_BETTER)
+    ]
     if exchanged:
         return [max(exchanged, key=lambda one: one.score)]
     return fits(compensated_suspects(robot, reading, loaded=True))
@@ -80,8 +84,3 @@ def _residual_shares(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     except ChainError:
         return np.full(robot.nv, np.inf)
     return residual.var(axis=0) / np.maximum(torque.var(axis=0), np.finfo(float).tiny)
-
-
-def _improves_all(found: ReadingFit) -> bool:
-    """True if a reading fits far better on all joints that it changes."""
-    return bool(np.all(found.joint_gains[list(found.suspect.joints)] >= FAR_BETTER))

@@ -25,7 +25,7 @@ from identification.data.readers.bags.joint_messages import (
 from identification.data.readers.bags.message_types import register_types
 from identification.data.readers.bags.unitree import MOTOR_ORDERS, base_columns
 from identification.data.readers.contract_columns import JOINT_QUANTITIES
-from identification.data.readers.references import SentReferences, with_references
+from identification.data.readers.references import with_references
 from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap
 from identification.data.recording import RawTable
 from phantom_dyn.array_types import Array
@@ -273,13 +273,14 @@ def _table(file: str, states: _Topic, references: _Topic | None) -> RawTable:
         return table
     # Ticks and times of receipt are not on the clock of the stamps of references.
     start = None if stamps is None or messages[0].joints.is_tick else int(times[0])
-    return with_references(table, _sent_references(file, references, names, start, received, table.columns["t"]))
+    sent = _sent_references(file, references, names, start, received, table.columns["t"])
+    return with_references(table, references.name, *sent)
 
 
 def _sent_references(
     file: str, references: _Topic, names: tuple[str, ...], start: int | None, received: Array, t: Array
-) -> SentReferences:
-    """References of a topic, with times on the clock of the states.
+) -> tuple[Array, dict[str, Array]]:
+    """Times [s] of the references of a topic on the clock of the states, and their columns.
 
     Args:
         file: Name of the bag, for messages.
@@ -304,7 +305,7 @@ def _sent_references(
         # Each state has a time on both clocks: the median difference is the offset between the clocks.
         times = (_received(messages) - received[0]) * 1e-9 - float(np.median((received - received[0]) * 1e-9 - t))
     names = messages[0].names or (names if len(names) == values.shape[1] else ())
-    return SentReferences(references.name, times, _columns(names, {"q_ref": values}))
+    return times, _columns(names, {"q_ref": values})
 
 
 def read_ros1_bag(path: Path, topic: str | None, ref_topic: str | None = None) -> RawTable:

@@ -148,7 +148,9 @@ def test_a_missing_map_is_reported(tmp_path):
 
 
 def test_a_map_onto_text_names_the_value(map_file):
-    raw = RawTable("log.csv", {"t": ONE}, {"enc": "log.csv, line 5, column enc holds 'x' where a number should be."})
+    raw = RawTable(
+        "log.csv", {"t": ONE}, problems={"enc": "log.csv, line 5, column enc holds 'x' where a number should be."}
+    )
     with pytest.raises(LogError, match="line 5, column enc holds 'x'"):
         mapped(raw, read_column_map(map_file("q.a: enc")))
 

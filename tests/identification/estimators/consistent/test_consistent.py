@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from identification.estimators.consistent.cone_program import Shape, Values, cone_program
+from identification.estimators.consistent.cone_program import Shape, cone_program
 from identification.estimators.consistent.consistent import consistent
 from identification.estimators.consistent.consistent_bodies import (
     pseudo_inertia,
@@ -214,10 +214,9 @@ def test_a_reference_that_is_not_finite_is_refused():
 SHAPE = Shape(unknowns=3, bodies=(), inequalities=1)
 
 
-def half_space(normal, least) -> Values:
+def half_space(normal, least) -> list[np.ndarray]:
     """The point nearest to the origin with ``normal @ u >= least``."""
-    none = np.zeros((0, 16, 3)), np.zeros((0, 4, 4)), np.zeros((0, 4, 4))
-    return Values(np.array([normal]), np.array([least]), *none)
+    return [np.array([normal]), np.array([least])]
 
 
 @pytest.mark.parametrize(("normal", "least"), [([1.0, 0.0, 0.0], 2.0), ([3.0, 0.0, 4.0], 10.0)])
