@@ -92,11 +92,6 @@ def known_mass(robot: Robot, share: float) -> KnownMass:
     return KnownMass(mass, (x, y, z), f"the frame of joint {robot.model.names[body]}")
 
 
-def with_mass(robot: Robot, mass: KnownMass) -> Robot:
-    """The robot with the mass attached."""
-    return with_payload(robot, KnownPayload(mass.mass, mass.center))
-
-
 def simulated_tracking(robot: Robot, reference: Motion, share: float) -> Motion | None:
     """Simulated motion with reduced controller gains; None if one is not stated, or the simulation diverges.
 
@@ -193,7 +188,7 @@ def loaded_trial(
     """The motion with the largest known mass that the drives can carry along it; None if they can carry none."""
     for share in SHARES:
         mass = known_mass(robot, share)
-        loaded = with_mass(robot, mass)
+        loaded = with_payload(robot, KnownPayload(mass.mass, mass.center))
         if within_torque_limits(loaded, limits, candidate.motion(candidate.shapes.samples / candidate.shapes.duration)):
             return trial_of(candidate, loaded, recording, rivalries, mass=mass)
     return None

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Loads written models again, and compares their torques with those of the models in memory.
 
-A broken or outdated MuJoCo counts as not installed.
+A broken MuJoCo counts as not installed.
 """
 
 from __future__ import annotations
@@ -28,9 +28,6 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.ros2_control import is_ros2_control
 from phantom_dyn.motion import Motion, configurations
 
-OLDEST = (3, 4)
-"""Oldest version of MuJoCo that has all functions needed to load a file again."""
-
 _JOINT = '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
 _NEWER = (
     (
@@ -53,22 +50,13 @@ def mujoco_problem(text: str = "") -> str | None:
         import mujoco
     except Exception as error:  # a missing system library raises OSError; a broken installation can raise any error
         return f"MuJoCo cannot be imported ({' '.join(str(error).split())})"
-    version = str(getattr(mujoco, "__version__", "0"))
-    if not hasattr(mujoco, "MjModel") or _numbers(version) < OLDEST:
-        return f"MuJoCo {version} is older than 3.4 (pip install --upgrade mujoco)"
     for words, actuator, name in _NEWER:
         if words in text:
             try:
                 mujoco.MjModel.from_xml_string(f"<mujoco>{_JOINT}<actuator>{actuator}</actuator></mujoco>")
             except ValueError:
-                return f"MuJoCo {version} does not know the {name} in it (pip install --upgrade mujoco)"
+                return f"MuJoCo {mujoco.__version__} does not know the {name} in it (pip install --upgrade mujoco)"
     return None
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    """Major and minor number of a version."""
-    parts = [*version.split("."), "0"][:2]
-    return tuple(int(part) if part.isdigit() else 0 for part in parts)
 
 
 TOLERANCE = 1e-6

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from phantom_dyn.haptics.device.axis import TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.number_checks import require_columns, require_positive
 from phantom_dyn.signals.spectra import cross_density, power_density
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 # Variance of a mean over half-overlapping Hann windows, over the variance for independent windows: neighbours have the
 # correlation 1/6.
@@ -248,33 +252,34 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
     error = np.sqrt(_running_mean((response.deviation * np.abs(measured)) ** 2))
     lower = np.where(_IN_LOG, -np.inf, 0.0)
 
-    def search(start: Array) -> _Found:
+    def axis_of(x: Array, unit: Array) -> TwoMassAxis:
+        return TwoMassAxis(*np.where(_IN_LOG, np.exp(np.where(_IN_LOG, x, 0.0)), x * unit).tolist())
+
+    def search(start: Array) -> tuple[OptimizeResult, Array]:
+        """Result of the search from one start, with logarithms and with dampings over a unit, and this unit."""
         unit = np.where(_IN_LOG, 1.0, start)
 
-        def axis_of(x: Array) -> TwoMassAxis:
-            return TwoMassAxis(*np.where(_IN_LOG, np.exp(np.where(_IN_LOG, x, 0.0)), x * unit).tolist())
-
         def by_ratio(x: Array) -> Array:
-            ratio = np.log(measured[good] / model(axis_of(x), w[good]))
+            ratio = np.log(measured[good] / model(axis_of(x, unit), w[good]))
             return np.concatenate([np.real(ratio) * weight, np.imag(ratio) * weight])
 
         def by_difference(x: Array) -> Array:
-            difference = (measured - model(axis_of(x), w)) / error
+            difference = (measured - model(axis_of(x, unit), w)) / error
             return np.concatenate([np.real(difference), np.imag(difference)])
 
         # The first fit, of ratios, converges from a poor start. The second fit, of differences, has no bias, because
         # their errors do not depend on the measured value.
         x = np.where(_IN_LOG, np.log(start), 1.0)
         near = least_squares(by_ratio, x, bounds=(lower, np.inf), loss="soft_l1", f_scale=3.0, max_nfev=60)
-        found = least_squares(by_difference, near.x, bounds=(lower, np.inf), max_nfev=100)
-        return _Found(float(found.cost), found.jac, unit, axis_of(found.x))
+        return least_squares(by_difference, near.x, bounds=(lower, np.inf), max_nfev=100), unit
 
-    tried: list[_Found] = []
+    tried: list[tuple[OptimizeResult, Array]] = []
     for damping in _STARTS:
         tried.append(search(_start(response, good, damping)))
-        if tried[-1].cost < _MISFIT * len(w):
+        if tried[-1][0].cost < _MISFIT * len(w):
             break
-    best = min(tried, key=lambda found: found.cost)
+    best, unit = min(tried, key=lambda one: one[0].cost)
+    axis = axis_of(best.x, unit)
     misfit = 2.0 * best.cost / (2 * len(w) - len(NAMES))
     if misfit > _MISFIT:
         raise EstimationError(
@@ -282,29 +287,19 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
             "at the response: it must show one anti-resonance and one resonance, and segments must be longer than the "
             "vibration lasts."
         )
-    values = np.array([getattr(best.axis, name) for name in NAMES])
-    slope = np.where(_IN_LOG, values, best.unit)
-    information = best.jacobian.T @ best.jacobian / response.inflation
+    values = np.array([getattr(axis, name) for name in NAMES])
+    slope = np.where(_IN_LOG, values, unit)
+    information = best.jac.T @ best.jac / response.inflation
     covariance = slope[:, None] * np.linalg.pinv(information, rcond=1e-14, hermitian=True) * slope
     covariance = max(misfit, 1.0) * covariance
     unsure = np.sqrt(np.diag(covariance)[_IN_LOG]) > values[_IN_LOG] / _SURE
-    if np.any(unsure) or best.axis.free_frequency > w[-1]:
+    if np.any(unsure) or axis.free_frequency > w[-1]:
         raise EstimationError(
             "The response cannot distinguish a vibration from none: the best resonance is "
-            f"{best.axis.free_frequency:.3g} rad/s, the band ends at {w[-1]:.3g} rad/s. The device is rigid, or "
+            f"{axis.free_frequency:.3g} rad/s, the band ends at {w[-1]:.3g} rad/s. The device is rigid, or "
             "the band does not contain its vibration."
         )
-    return TwoMassFit(values, covariance, response, model(best.axis, w), misfit)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """Result of the search from one start: an axis, and the Jacobian by logarithms, or by dampings over ``unit``."""
-
-    cost: float
-    jacobian: Array
-    unit: Array
-    axis: TwoMassAxis
+    return TwoMassFit(values, covariance, response, model(axis, w), misfit)
 
 
 def _running_mean(values: Array) -> Array:

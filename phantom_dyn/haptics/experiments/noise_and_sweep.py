@@ -89,7 +89,7 @@ def simulate_white_noise(
     require_not_negative(force=force, position_noise=position_noise)
     given = force * rng.standard_normal(sample_count(duration, period))
     s = discretise(axis, period=period, delay=delay)
-    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
+    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given, 0.0)
     return WhiteNoiseExperiment(period, given, position + position_noise * rng.standard_normal(len(given)))
 
 
@@ -199,7 +199,7 @@ def simulate_swept_sine(
     require_not_negative(force=force, position_noise=position_noise)
     given = np.tile(sweep.force(force, period), sweep.periods + 1)
     s = discretise(axis, period=period, delay=delay)
-    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
+    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given, 0.0)
     return SweptSineExperiment(period, sweep, given, position + position_noise * rng.standard_normal(len(given)))
 
 

@@ -102,10 +102,8 @@ def simulate_relay(
         raise ParameterError(
             f"A relay experiment of {count} samples was asked for: give a duration of at least 100 periods."
         )
-    sampled = discretise(axis, period=period, delay=delay)
-    given, position = relay_loop(
-        sampled.transition, sampled.newer, sampled.older, sampled.output, sampled.steps, axis.rest(start), force, count
-    )
+    s, given = discretise(axis, period=period, delay=delay), np.zeros(count)
+    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(start), given, float(force))
     return RelayExperiment(period, delay, period * np.arange(count), given, position)
 
 
@@ -144,28 +142,18 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
 
 
 @jit
-def relay_loop(transition, newer, older, C, steps, state, force, count):
-    """Forces of a relay and positions of the device, which starts at rest in ``state``."""
-    given = np.zeros(count)
-    position = np.zeros(count)
-    x = state.copy()
-    following = np.zeros(len(state))
-    for k in range(count):
-        position[k] = _read(C, x)
-        given[k] = force if position[k] < 0.0 else -force
-        _advance(transition, newer, older, steps, given, k, x, following)
-        x, following = following, x
-    return given, position
+def held_forces(transition, newer, older, C, steps, state, forces, relay):
+    """Positions of a device that starts in ``state``, under a sequence of held and delayed forces.
 
-
-@jit
-def held_forces(transition, newer, older, C, steps, state, forces):
-    """Positions of a device under a sequence of held and delayed forces."""
+    If ``relay`` is above 0, the forces are those of a relay of this force, which are written to ``forces``.
+    """
     position = np.zeros(len(forces))
     x = state.copy()
     following = np.zeros(len(state))
     for k in range(len(forces)):
         position[k] = _read(C, x)
+        if relay > 0.0:
+            forces[k] = relay if position[k] < 0.0 else -relay
         _advance(transition, newer, older, steps, forces, k, x, following)
         x, following = following, x
     return position

@@ -79,12 +79,28 @@ def estimator_figures(
     fine = np.arange(round((_SETTLING + duration) / period) * _POINTS + 1) * (period / _POINTS)
     t = fine[::_POINTS]
     settled = t >= _SETTLING
-    sensors = _Sensors(encoder, accelerometer, rng)
+
+    def estimate(position: Float[Array, " n"], felt: Float[Array, " N"]) -> Float[Array, " N"]:
+        """Velocity estimate at the samples of a motion with `_POINTS` points per sample and a known acceleration."""
+        points = {"interval": period / _POINTS, "samples_apart": _POINTS}
+        if isinstance(encoder, Encoder):
+            record = record_motion(encoder, position, **points)
+        else:
+            record = record_sinusoidal(encoder, position, **points)
+        if not isinstance(estimator, AccelerationObserver):
+            return estimate_velocity(estimator, record)
+        if accelerometer is None or rng is None:
+            raise ParameterError(
+                "The observer of position and acceleration has no accelerometer: give one, and a generator of random "
+                "numbers for its noise."
+            )
+        return observe_velocity(estimator, record, accelerometer.reading(felt, rng))
+
     # Both motions start between two edges, because a start on an edge is a special case.
     start = 0.1 * encoder.step
-    steady = sensors.estimate(estimator, start + speed * fine, np.zeros(len(t)), period)
+    steady = estimate(start + speed * fine, np.zeros(len(t)))
     accelerated_motion = start + speed * fine + acceleration * fine**2 / 2
-    accelerated = sensors.estimate(estimator, accelerated_motion, np.full(len(t), acceleration), period)
+    accelerated = estimate(accelerated_motion, np.full(len(t), acceleration))
     velocity = speed + acceleration * t
     return EstimatorFigures(
         lag=float(np.mean((velocity - accelerated)[settled]) / acceleration),
@@ -95,34 +111,3 @@ def estimator_figures(
         estimate=accelerated,
         steady_estimate=steady,
     )
-
-
-@dataclass(frozen=True)
-class _Sensors:
-    """Sensors that read the motion: an encoder, and an accelerometer for the observer."""
-
-    encoder: Encoder | SinusoidalEncoder
-    accelerometer: Accelerometer | None
-    rng: np.random.Generator | None
-
-    def estimate(
-        self,
-        estimator: Estimator | AccelerationObserver,
-        position: Float[Array, " n"],
-        acceleration: Float[Array, " N"],
-        period: float,
-    ) -> Float[Array, " N"]:
-        """Velocity estimate at the samples of a motion with `_POINTS` points per sample, shape ``(N,)``."""
-        points = {"interval": period / _POINTS, "samples_apart": _POINTS}
-        if isinstance(self.encoder, Encoder):
-            record = record_motion(self.encoder, position, **points)
-        else:
-            record = record_sinusoidal(self.encoder, position, **points)
-        if not isinstance(estimator, AccelerationObserver):
-            return estimate_velocity(estimator, record)
-        if self.accelerometer is None or self.rng is None:
-            raise ParameterError(
-                "The observer of position and acceleration has no accelerometer: give one, and a generator of random "
-                "numbers for its noise."
-            )
-        return observe_velocity(estimator, record, self.accelerometer.reading(acceleration, self.rng))

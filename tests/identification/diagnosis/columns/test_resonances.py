@@ -53,7 +53,7 @@ def driven(noise: float) -> Recording:
     t = T * np.arange(20_000)
     force = noise * rng.standard_normal(len(t)) + 2.0 * np.sin(0.8 * np.pi * t) + np.sin(2.2 * np.pi * t + 1.0)
     s = discretise(JOINT, period=T, delay=0.0)
-    q = held_forces(s.transition, s.newer, s.older, s.output, s.steps, JOINT.rest(0.0), force)
+    q = held_forces(s.transition, s.newer, s.older, s.output, s.steps, JOINT.rest(0.0), force, 0.0)
     q = q + 1e-5 * rng.standard_normal(len(t))
     return Recording("noise.csv", ("j1",), t, q[:, None], force[:, None])
 

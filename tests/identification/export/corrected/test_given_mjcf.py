@@ -14,7 +14,7 @@ from identification.export.corrected.corrected_files import model_files
 from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.given_mjcf import edited_mjcf
 from identification.export.model_files.reload import mujoco_problem
-from identification.words.note_words import sentence, sentences
+from identification.words.note_words import sentences
 from phantom_dyn import load_robot
 from phantom_dyn.motion import Motion
 
@@ -311,29 +311,6 @@ MIMIC = """<robot name="hand">
   <joint name="copy" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><origin xyz="0 0 -0.2"/>
     <limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="turn" multiplier="-0.5" offset="0.1"/></joint>
 </robot>"""
-
-
-class _Old:
-    """A module that stands for an old MuJoCo."""
-
-    __version__ = "3.1.6"
-    __spec__ = mujoco.__spec__
-    MjModel = mujoco.MjModel
-
-
-def test_an_old_mujoco_counts_as_absent(cell, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", _Old)
-    assert "MuJoCo 3.1.6 is older than 3.4" in str(mujoco_problem())
-
-
-def test_with_an_old_mujoco_both_files_are_written(cell, monkeypatch):
-    robot = load_robot(cell)
-    motion = Motion(np.arange(5.0), *np.zeros((3, 5, robot.nv)))
-    monkeypatch.setitem(sys.modules, "mujoco", _Old)
-    urdf, mjcf = model_files(corrected_model(robot, FOUND), motion, folder=cell.parent)
-    assert urdf.text
-    assert mjcf.text
-    assert "corrected.xml: not loaded again, as MuJoCo 3.1.6 is older than 3.4" in sentence(mjcf.notes[0])
 
 
 def test_a_mujoco_that_cannot_be_imported_counts_as_absent(tmp_path, monkeypatch):
