@@ -69,17 +69,14 @@ def regressor_slope(
         counts[b] = before + 1
     rotations = np.array([place.rotation for place in model.jointPlacements])
     translations = np.array([place.translation for place in model.jointPlacements])
-    twists = np.array([np.zeros(6), *(_twist(model, b) for b in range(1, count))])
+    # Velocity of each body per velocity of its joint, in its own frame.
+    axes = (np.asarray(joint.createData().S, dtype=float).reshape(6) for joint in list(model.joints)[1:])
+    twists = np.array([np.zeros(6), *axes])
     slope = np.zeros((samples, 3, count - 1))
     weights = np.ascontiguousarray(S).reshape(samples, count - 1, count - 1, 10)
     tree = (parents, rotations, translations, twists, counts)
     total = slope_loop(tree, joints, model.gravity.vector, motion, weights, slope)
     return total, Slope(*np.ascontiguousarray(slope.transpose(1, 0, 2)))
-
-
-def _twist(model: pin.Model, b: int) -> Float[Array, "6"]:
-    """Velocity of a body per velocity of its joint, in its own frame."""
-    return np.asarray(model.joints[b].createData().S, dtype=float).reshape(6)
 
 
 @inlined

@@ -29,7 +29,9 @@ def compiled(
     """
     laws = [law for effect in effects for law in effect.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
-    if sum(map(len, channels)) < len(laws) or not all(effect.laws or _is_silent(effect) for effect in effects):
+    # An effect that changes only the robot or its transmissions needs no law.
+    in_python = [one for one in effects if not one.laws and (one.command or one.torque or one.reading)]
+    if sum(map(len, channels)) < len(laws) or in_python:
         return None
     torques, commands, readings = map(packed, channels)
     return _arm(machine), EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
@@ -63,11 +65,6 @@ def control_of(controller: Callable, robot: Robot) -> Control:
     tables = np.stack([law.feedforward, law.q_ref, law.v_ref, law.kp, law.kd, law.extra], axis=-1)
     mode = AT_SAMPLES if robot.torque_hold == "zoh" else AT_STEPS
     return Control(mode, np.array(law.t), np.ascontiguousarray(tables), np.array(law.limits), np.zeros(1, np.int64))
-
-
-def _is_silent(effect: Simulated) -> bool:
-    """True if an effect needs no law, because it changes only the robot or its transmissions."""
-    return effect.command is None and effect.torque is None and effect.reading is None
 
 
 def _arm(machine: Machine) -> Arm:
