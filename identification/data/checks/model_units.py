@@ -83,15 +83,7 @@ def wrong_units(robot: Robot) -> tuple[Fault, ...]:
             ),
         )
     extended = _extended(robot)
-    if (
-        mass > _HEAVY
-        and extended
-        and all(
-            # Denser than any metal if its mass is in kg, and of a usual density if it is in g.
-            body.density > _DENSEST and _LIGHTEST < body.density * _GRAM < _USUAL
-            for body in extended
-        )
-    ):
+    if mass > _HEAVY and extended and all(_in_grams(body) for body in extended):
         heaviest = max(extended, key=lambda body: body.mass)
         return (
             Fault(
@@ -139,3 +131,8 @@ def _extended(robot: Robot) -> list[_Extended]:
             radius = float(np.sqrt(2.5) * gyration)
             out.append(_Extended(body_name(robot, j), inertia.mass, inertia.mass / (4 / 3 * math.pi * radius**3)))
     return out
+
+
+def _in_grams(body: _Extended) -> bool:
+    """True for a body that is denser than any metal if its mass is in kg, and has a usual density if it is in g."""
+    return body.density > _DENSEST and _LIGHTEST < body.density * _GRAM < _USUAL
