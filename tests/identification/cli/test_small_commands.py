@@ -120,10 +120,6 @@ def test_without_viser_the_command_to_install_it_is_reported(refused, monkeypatc
     assert wanted in refused(pendulum, log)
 
 
-def test_robot_and_recording_in_the_wrong_order_are_named(refused, pendulum, log):
-    assert "give the robot first" in refused(log, pendulum)
-
-
 def test_a_recording_that_is_not_there_is_refused(refused, pendulum, tmp_path):
     assert "does not exist" in refused(pendulum, tmp_path / "none.csv")
 

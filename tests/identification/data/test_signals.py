@@ -271,25 +271,18 @@ def test_twenty_samples_in_the_band_are_enough(slide, samples, enough):
             process(recording(few, *swing(few)), slide, cutoff_hz=10.0)
 
 
-def test_references_are_brought_to_the_same_instants(slide):
+@pytest.mark.parametrize("field", ["q_ref", "temperature"])
+def test_references_and_temperatures_are_brought_to_the_same_instants(slide, field):
     # Closed form: a ramp lies on itself wherever it is asked for.
     times = T.copy()
     times[1:-1] += 0.3 / RATE * np.sin(np.arange(len(T) - 2))
-    asked = replace(recording(times, *swing(times)), q_ref=(2.0 * times)[:, None])
-    log = process(asked, slide, cutoff_hz=10.0)
-    np.testing.assert_allclose(log.q_ref[:, 0], 2.0 * log.motion.t, atol=1e-12)
-    even = replace(recording(T, *swing(T)), q_ref=(2.0 * T)[:, None])
-    assert process(even, slide, cutoff_hz=10.0).q_ref is even.q_ref
-
-
-def test_temperatures_are_brought_to_the_same_instants(slide):
-    # Closed form: a ramp lies on itself wherever it is asked for.
-    times = T.copy()
-    times[1:-1] += 0.3 / RATE * np.sin(np.arange(len(T) - 2))
-    warming = replace(recording(times, *swing(times)), temperature=(30.0 + times)[:, None])
-    log = process(warming, slide, cutoff_hz=10.0)
-    np.testing.assert_allclose(log.temperature[:, 0], 30.0 + log.motion.t, atol=1e-12)
-    assert process(recording(T, *swing(T)), slide, cutoff_hz=10.0).temperature is None
+    log = process(
+        replace(recording(times, *swing(times)), **{field: (30.0 + 2.0 * times)[:, None]}), slide, cutoff_hz=10.0
+    )
+    np.testing.assert_allclose(getattr(log, field)[:, 0], 30.0 + 2.0 * log.motion.t, atol=1e-12)
+    even = replace(recording(T, *swing(T)), **{field: (2.0 * T)[:, None]})
+    assert getattr(process(even, slide, cutoff_hz=10.0), field) is getattr(even, field)
+    assert getattr(process(recording(T, *swing(T)), slide, cutoff_hz=10.0), field) is None
 
 
 def test_a_recording_without_torque_is_refused(slide):
