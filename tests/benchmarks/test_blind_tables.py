@@ -79,10 +79,6 @@ def test_the_report_holds_the_sentence_on_misses():
     assert misses(some_cases()) in report(some_cases())
 
 
-def test_no_line_of_the_sentence_on_misses_is_longer_than_a_line_of_code():
-    assert max(map(len, misses(missed_singles()).splitlines())) <= 120
-
-
 def test_wrapping_splits_neither_words_nor_hyphenated_ones():
     words = ["independent-sample"] * 20
     assert wrapped(" ".join(words)).split() == words
@@ -196,39 +192,47 @@ def published_in_one_line(batches):
     return heading(batches, DAY).replace("\n", " ")
 
 
-def test_the_heading_of_the_whole_ranges_gives_the_one_command_and_says_that_they_were_opened_once():
-    assert published_in_one_line(list(REPORTING.items())) == (
-        "Measured on 2026-11-21 with `make blind`: 710 cases, the reporting ranges; seeds, opened once: "
-        "single 11000 to 11249, null 12000 to 12299, pair 13000 to 13079, outside 14000 to 14079."
-    )
+@pytest.mark.parametrize(
+    ("batches", "text"),
+    [
+        (
+            list(REPORTING.items()),
+            "Measured on 2026-11-21 with `make blind`: 710 cases, the reporting ranges; seeds, opened once: "
+            "single 11000 to 11249, null 12000 to 12299, pair 13000 to 13079, outside 14000 to 14079.",
+        ),
+        (
+            [("null", range(12000, 12100)), ("pair", range(13000, 13080))],
+            "Measured on 2026-11-21 with `python benchmarks/blind/run.py --nulls 12000:12100 --pairs 13000:13080`: "
+            "180 cases, part of the reporting ranges (710 cases); seeds, opened once: "
+            "null 12000 to 12099, pair 13000 to 13079.",
+        ),
+    ],
+    ids=["the whole ranges", "a part of the ranges"],
+)
+def test_a_heading_of_the_reporting_ranges_gives_its_command_and_says_that_they_were_opened_once(batches, text):
+    assert published_in_one_line(batches) == text
 
 
-def test_the_heading_of_a_part_of_the_ranges_says_how_many_cases_the_whole_has():
-    assert published_in_one_line([("null", range(12000, 12100)), ("pair", range(13000, 13080))]) == (
-        "Measured on 2026-11-21 with `python benchmarks/blind/run.py --nulls 12000:12100 --pairs 13000:13080`: "
-        "180 cases, part of the reporting ranges (710 cases); seeds, opened once: "
-        "null 12000 to 12099, pair 13000 to 13079."
-    )
+@pytest.mark.parametrize(
+    ("batches", "text"),
+    [
+        ([("null", range(100, 140))], "40 cases, not those of the reporting ranges; seeds: null"),
+        # Some of these are among the reporting ranges, which are from 12000 on for nulls.
+        ([("null", range(11990, 12010))], "20 cases, not those of the reporting ranges; seeds: null"),
+        ([("single", range(3, 4))], " 1 case, "),
+        ([("mixed", range(9))], "`python benchmarks/blind/run.py --kind mixed --seeds 0:9`"),
+    ],
+    ids=["other seeds", "some other seeds", "one case", "mixed"],
+)
+def test_a_heading_of_other_seeds_counts_them_and_does_not_say_that_they_were_opened_once(batches, text):
+    assert text in published_in_one_line(batches)
 
 
-@pytest.mark.parametrize("seeds", [range(100, 140), range(11990, 12010)])
-def test_the_heading_of_other_seeds_does_not_say_that_they_were_opened_once(seeds):
-    """Also where some of them are among the reporting ranges: these are from 12000 on for nulls."""
-    assert f"{len(seeds)} cases, not those of the reporting ranges; seeds: null" in published_in_one_line(
-        [("null", seeds)]
-    )
-
-
-def test_the_heading_of_one_case_speaks_of_one_case():
-    assert " 1 case, " in published_in_one_line([("single", range(3, 4))])
-
-
-def test_the_heading_of_mixed_cases_names_their_kind_in_the_command():
-    assert "`python benchmarks/blind/run.py --kind mixed --seeds 0:9`" in published_in_one_line([("mixed", range(9))])
-
-
-def test_no_line_of_the_heading_is_longer_than_a_line_of_code():
-    assert max(map(len, heading(list(REPORTING.items()), DAY).splitlines())) <= 120
+@pytest.mark.parametrize(
+    "text", [misses(missed_singles()), heading(list(REPORTING.items()), DAY)], ids=["misses", "heading"]
+)
+def test_no_line_of_a_sentence_is_longer_than_a_line_of_code(text):
+    assert max(map(len, text.splitlines())) <= 120
 
 
 ONE_NULL = [("null", range(1))]
@@ -264,17 +268,11 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("given", "message"), REFUSED)
-def test_a_score_of_other_seeds_is_not_published(tmp_path, given, message):
-    checkout_with_score(tmp_path, ONE_NULL)
-    with pytest.raises(ValueError, match=f"score {message}: give the seeds that were scored"):
-        publish(tmp_path / "score", given, tmp_path)
-
-
-def test_a_score_of_other_seeds_leaves_the_page_as_it_was(tmp_path):
+def test_a_score_of_other_seeds_is_not_published_and_leaves_the_page_as_it_was(tmp_path, given, message):
     page = checkout_with_score(tmp_path, ONE_NULL)
     before = page.read_text()
-    with pytest.raises(ValueError, match="give the seeds that were scored"):
-        publish(tmp_path / "score", [("null", range(2))], tmp_path)
+    with pytest.raises(ValueError, match=f"score {message}: give the seeds that were scored"):
+        publish(tmp_path / "score", given, tmp_path)
     assert (page.read_text(), (tmp_path / IMAGE).exists()) == (before, False)
 
 

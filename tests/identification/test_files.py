@@ -36,19 +36,14 @@ def test_a_page_of_an_earlier_run_is_known_by_its_mark(tmp_path):
         require_own_file(tmp_path / "a.html", "--out")
 
 
-def test_text_is_written_as_utf8_with_its_line_ends(tmp_path):
-    write_atomically(tmp_path / "a.txt", "τ\r\n")
-    assert (tmp_path / "a.txt").read_bytes() == "τ\r\n".encode()
-
-
-def test_bytes_are_written_as_they_are(tmp_path):
-    write_atomically(tmp_path / "a.bin", b"\x00\xff")
-    assert (tmp_path / "a.bin").read_bytes() == b"\x00\xff"
-
-
-def test_missing_folders_are_made(tmp_path):
-    write_atomically(tmp_path / "one" / "two" / "a.txt", "x")
-    assert (tmp_path / "one" / "two" / "a.txt").read_text() == "x"
+@pytest.mark.parametrize(
+    ("name", "given", "written"),
+    [("a.txt", "τ\r\n", "τ\r\n".encode()), ("a.bin", b"\x00\xff", b"\x00\xff"), ("one/two/a.txt", "x", b"x")],
+    ids=["text as UTF-8 with its line ends", "bytes as they are", "missing folders are made"],
+)
+def test_text_and_bytes_are_written(tmp_path, name, given, written):
+    write_atomically(tmp_path / name, given)
+    assert (tmp_path / name).read_bytes() == written
 
 
 @pytest.mark.parametrize("stop", [ZeroDivisionError, KeyboardInterrupt])
@@ -65,14 +60,9 @@ def test_a_folder_with_something_else_in_it_stays_where_nothing_is_written(tmp_p
     assert names(tmp_path / "one" / "two") == ["other"]
 
 
-def test_a_text_of_the_path_is_enough(tmp_path, monkeypatch):
+def test_a_text_of_the_path_is_enough_and_nothing_but_the_file_is_left(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_atomically("a.txt", "x")
-    assert names(tmp_path) == ["a.txt"]
-
-
-def test_nothing_but_the_file_is_left(tmp_path):
-    write_atomically(tmp_path / "a.txt", "x")
     assert names(tmp_path) == ["a.txt"]
 
 

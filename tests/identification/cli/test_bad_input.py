@@ -78,18 +78,12 @@ def test_a_file_that_is_no_log(pendulum, tmp_path, refusal, name, content, messa
     assert re.search(message, refusal(pendulum, tmp_path / name))
 
 
-def test_a_bad_log_among_good_ones(pendulum, tmp_path, log, refusal):
+@pytest.mark.parametrize("words", [(), ("--hold-out",)], ids=["a log", "a hold-out"])
+def test_a_bad_log_among_good_ones(pendulum, tmp_path, log, refusal, words):
     bad = tmp_path / "bad.csv"
     bad.write_text(log.read_text())
     with_cell(bad, 81, 1, "nan")
-    assert re.search(r"bad\.csv, line 81, column q\.pin is nan", refusal(pendulum, log, bad))
-
-
-def test_a_bad_hold_out(pendulum, tmp_path, log, refusal):
-    bad = tmp_path / "bad.csv"
-    bad.write_text(log.read_text())
-    with_cell(bad, 81, 1, "nan")
-    assert re.search(r"bad\.csv, line 81, column q\.pin is nan", refusal(pendulum, log, "--hold-out", bad))
+    assert re.search(r"bad\.csv, line 81, column q\.pin is nan", refusal(pendulum, log, *words, bad))
 
 
 def test_the_real_command_refuses_too(pendulum, log):

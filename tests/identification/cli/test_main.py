@@ -86,25 +86,20 @@ def test_help_names_every_command(capsys):
     assert all(f"\n  {name} " in text for name in COMMANDS)
 
 
-def test_version_is_the_packages(capsys):
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"phantom-dyn {__version__}\n"
-
-
-def test_no_command_is_bad_input(capsys):
-    assert main([]) == 2
-    assert "phantom-dyn: no command was given, wanted one of diagnose, identify, check" in capsys.readouterr().err
-
-
-def test_an_unknown_command_suggests_the_nearest(capsys):
-    assert main(["diagnoes"]) == 2
-    assert "unknown command 'diagnoes'" in (text := capsys.readouterr().err)
-    assert text.endswith("did you mean diagnose?\n")
-
-
-def test_a_word_like_no_command_points_to_the_help(capsys):
-    assert main(["xyzzy"]) == 2
-    assert capsys.readouterr().err.endswith("see phantom-dyn --help\n")
+@pytest.mark.parametrize(
+    ("words", "begin", "end"),
+    [
+        ([], "no command was given, wanted one of diagnose, identify, check", "\n"),
+        (["diagnoes"], "unknown command 'diagnoes'", "did you mean diagnose?\n"),
+        (["xyzzy"], "unknown command 'xyzzy'", "see phantom-dyn --help\n"),
+    ],
+    ids=["none", "one with a mistake", "one like no other"],
+)
+def test_what_is_no_command_is_refused_with_the_nearest_or_with_the_help(words, begin, end, capsys):
+    assert main(words) == 2
+    text = capsys.readouterr().err
+    assert text.startswith(f"phantom-dyn: {begin}")
+    assert text.endswith(end)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -117,16 +112,12 @@ def test_every_command_refuses_an_unknown_option_in_one_sentence(name, capsys):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_of_every_command_is_printed(name, capsys):
-    assert main([name, "--help"]) == 0
-    assert capsys.readouterr().out.startswith(f"usage: phantom-dyn {name}")
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_ends_with_two_examples_that_the_command_understands(name, capsys):
+def test_help_begins_with_the_usage_and_ends_with_two_examples_that_the_command_understands(name, capsys):
     # Oracle: the command's own parser.
     assert main([name, "--help"]) == 0
-    shown = capsys.readouterr().out.rstrip().partition("\nexamples:\n")[2].splitlines()
+    usage, _, examples = capsys.readouterr().out.rstrip().partition("\nexamples:\n")
+    assert usage.startswith(f"usage: phantom-dyn {name}")
+    shown = examples.splitlines()
     assert len(shown) == 2
     for line in shown:
         program, command, *words = shlex.split(line.partition(" > ")[0])
@@ -149,20 +140,18 @@ def test_options_may_stand_between_the_logs(echo):
     ]
 
 
-def test_the_exit_code_is_the_commands(echo):
-    echo(lambda _: 7)
-    assert main(["diagnose", "r", "l"]) == 7
-
-
-def test_a_refusal_is_one_sentence_and_exit_code_2(echo, capsys):
-    echo(raising(UsageError("this cannot be read")))
-    assert main(["diagnose", "r", "l"]) == 2
-    assert capsys.readouterr() == ("", "phantom-dyn: this cannot be read\n")
-
-
-def test_an_interrupt_is_exit_code_130(echo):
-    echo(raising(KeyboardInterrupt))
-    assert main(["diagnose", "r", "l"]) == 130
+@pytest.mark.parametrize(
+    ("outcome", "code", "said"),
+    [
+        (lambda _: 7, 7, ""),
+        (raising(UsageError("this cannot be read")), 2, "phantom-dyn: this cannot be read\n"),
+        (raising(KeyboardInterrupt), 130, "phantom-dyn: interrupted\n"),
+    ],
+    ids=["the command's", "a refusal", "an interrupt"],
+)
+def test_a_command_ends_with_an_exit_code_and_at_most_one_sentence(echo, capsys, outcome, code, said):
+    echo(outcome)
+    assert (main(["diagnose", "r", "l"]), capsys.readouterr()) == (code, ("", said))
 
 
 class Interrupts:
@@ -179,9 +168,12 @@ def test_an_interrupt_while_the_command_is_loaded_is_exit_code_130(monkeypatch, 
     assert (started(), capsys.readouterr()) == (130, ("", "phantom-dyn: interrupted\n"))
 
 
-def test_an_error_of_ours_keeps_its_traceback(echo):
-    echo(raising(ZeroDivisionError))
-    with pytest.raises(ZeroDivisionError):
+@pytest.mark.parametrize(
+    "error", [ZeroDivisionError("ours"), OSError(errno.EIO, "no file")], ids=["ours", "of the system, of no file"]
+)
+def test_an_error_that_is_no_refusal_keeps_its_traceback(echo, error):
+    echo(raising(error))
+    with pytest.raises(type(error), match=re.escape(str(error))):
         main(["diagnose", "r", "l"])
 
 
@@ -197,12 +189,6 @@ def test_a_file_that_the_system_lets_nobody_near_is_a_refusal(echo, capsys, numb
     echo(raising(OSError(number, os.strerror(number), "/closed/a.csv")))
     assert main(["diagnose", "r", "l"]) == 2
     assert words in capsys.readouterr().err
-
-
-def test_an_error_of_the_system_that_names_no_file_keeps_its_traceback(echo):
-    echo(raising(OSError(errno.EIO, "no file")))
-    with pytest.raises(OSError, match="no file"):
-        main(["diagnose", "r", "l"])
 
 
 def test_a_reader_that_leaves_early_is_no_error():
@@ -231,9 +217,11 @@ def test_streams_that_are_closed_or_full_change_no_exit_code(line, code, log):
     assert subprocess.run(["sh", "-c", words], check=False).returncode == code
 
 
-def test_the_package_runs_as_a_module():
-    child = subprocess.run([sys.executable, "-m", "identification.cli", "--version"], capture_output=True, text=True)
-    assert child.stdout == f"phantom-dyn {__version__}\n"
+def test_the_package_runs_as_a_module_and_says_its_version():
+    child = subprocess.run(
+        [sys.executable, "-m", "identification.cli", "--version"], capture_output=True, text=True, check=False
+    )
+    assert (child.returncode, child.stdout) == (0, f"phantom-dyn {__version__}\n")
 
 
 def test_help_and_early_refusals_import_nothing_heavy(tmp_path):

@@ -77,20 +77,20 @@ def test_the_counts_are_printed(mapped):
     assert unreachable + singular == blank
 
 
-@pytest.mark.parametrize("words", [["0.1,0.2,-0.1"], ["0.1", "0.2", "-0.1"], ["theta1=0.1,theta2=0.2,theta3=-0.1"]])
-def test_a_posture_is_given_by_numbers_or_by_name(mapped, words):
-    # Oracle: the device's closed form at theta1 = 0.1, theta2 = 0.2.
-    _, out = mapped("--q0", *words, grid="q.theta3=0.3:0.3:1")
+@pytest.mark.parametrize(
+    ("words", "q"),
+    [
+        (["0.1,0.2,-0.1"], [0.1, 0.2, 0.3]),
+        (["0.1", "0.2", "-0.1"], [0.1, 0.2, 0.3]),
+        (["theta1=0.1,theta2=0.2,theta3=-0.1"], [0.1, 0.2, 0.3]),
+        (["-0.1,-0.2,0"], [-0.1, -0.2, -0.3]),
+    ],
+)
+def test_a_posture_is_given_by_numbers_or_by_name_and_may_begin_with_a_minus(mapped, words, q):
+    # Oracle: the device's closed form at that posture.
+    _, out = mapped("--q0", *words, grid=f"q.theta3={q[2]}:{q[2]}:1")
     with np.load(out / "map.npz") as found:
-        q = np.array([[0.1, 0.2, 0.3]])
-        assert found["manipulability"][0] == pytest.approx(phantom.manipulability(q)[0], rel=1e-12)
-
-
-def test_a_posture_may_begin_with_a_minus(mapped):
-    _, out = mapped("--q0", "-0.1,-0.2,0", grid="q.theta3=-0.3:-0.3:1")
-    with np.load(out / "map.npz") as found:
-        q = np.array([[-0.1, -0.2, -0.3]])
-        assert found["manipulability"][0] == pytest.approx(phantom.manipulability(q)[0], rel=1e-12)
+        assert found["manipulability"][0] == pytest.approx(phantom.manipulability(np.array([q]))[0], rel=1e-12)
 
 
 def test_a_stiffness_is_given_per_joint(mapped):
@@ -153,13 +153,15 @@ def test_a_refusal_is_one_sentence(refusal, words, message):
     assert re.search(message, refusal("phantom_1_5", *words))
 
 
-def test_a_grid_over_the_tip_of_a_six_joint_arm_is_refused(refusal):
-    said = refusal("example:ur10", "--quantity", "apparent_mass", "--grid", GRID)
-    assert "has 6 active joints, and a tip position does not determine them: give a grid over joints" in said
-
-
-def test_a_robot_that_is_not_there_is_refused(refusal):
-    assert "did you mean phantom_1_5?" in refusal("phantom_15", "--quantity", "apparent_mass", "--grid", GRID)
+@pytest.mark.parametrize(
+    ("robot", "message"),
+    [
+        ("example:ur10", "has 6 active joints, and a tip position does not determine them: give a grid over joints"),
+        ("phantom_15", "did you mean phantom_1_5?"),
+    ],
+)
+def test_a_robot_that_is_not_there_or_has_no_grid_over_its_tip_is_refused(refusal, robot, message):
+    assert message in refusal(robot, "--quantity", "apparent_mass", "--grid", GRID)
 
 
 def test_a_file_where_the_folder_should_be_is_refused(tmp_path, capsys):

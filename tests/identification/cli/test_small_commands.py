@@ -120,10 +120,6 @@ def test_without_viser_the_command_to_install_it_is_reported(refused, monkeypatc
     assert wanted in refused(pendulum, log)
 
 
-def test_robot_and_recording_in_the_wrong_order_are_named(refused, pendulum, log):
-    assert "give the robot first" in refused(log, pendulum)
-
-
 def test_a_recording_that_is_not_there_is_refused(refused, pendulum, tmp_path):
     assert "does not exist" in refused(pendulum, tmp_path / "none.csv")
 
@@ -143,14 +139,17 @@ def test_a_number_that_cannot_be_is_refused(refused, pendulum, log, words, sente
 
 
 @pytest.mark.skipif(not is_installed("viser"), reason="viser is not installed: it is in the extra view")
-def test_a_diagnosis_that_is_not_there_is_refused(refused, pendulum, log, tmp_path):
-    assert "none.json cannot be read" in refused(pendulum, log, "--diagnosis", tmp_path / "none.json")
-
-
-@pytest.mark.skipif(not is_installed("viser"), reason="viser is not installed: it is in the extra view")
-def test_a_host_that_is_not_this_machine_is_refused(refused, pendulum, log):
-    # 192.0.2.0/24 is kept for documentation (RFC 5737): no machine has such an address.
-    assert "nothing can listen on --host 192.0.2.1" in refused(pendulum, log, "--host", "192.0.2.1", "--no-open")
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--diagnosis", "none.json"), "none.json cannot be read"),
+        # 192.0.2.0/24 is kept for documentation (RFC 5737): no machine has such an address.
+        (("--host", "192.0.2.1", "--no-open"), "nothing can listen on --host 192.0.2.1"),
+    ],
+    ids=["a diagnosis that is not there", "a host that is not this machine"],
+)
+def test_what_cannot_be_shown_is_refused(refused, pendulum, log, words, sentence):
+    assert sentence in refused(pendulum, log, *words)
 
 
 def test_a_log_without_torque_needs_no_option(pendulum, tmp_path):

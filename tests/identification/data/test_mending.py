@@ -51,13 +51,9 @@ def test_a_file_of_such_an_encoder_is_read_with_its_turns_put_together(swinging,
     np.testing.assert_allclose(read_recording(tmp_path / "a.csv", pendulum).q, swinging.q, atol=1e-12)
 
 
-def test_a_reference_that_was_wrapped_too_goes_along(swinging):
-    found = mended(replace(swinging, q=wrapped(swinging.q), q_ref=wrapped(swinging.q_ref)), TURNING)
-    np.testing.assert_allclose(found.q_ref, swinging.q_ref, atol=1e-12)
-
-
-def test_a_reference_that_was_not_wrapped_stays(swinging):
-    found = mended(replace(swinging, q=wrapped(swinging.q)), TURNING)
+@pytest.mark.parametrize("read", [wrapped, np.array], ids=["wrapped too", "not wrapped"])
+def test_a_reference_goes_along_where_it_was_wrapped_and_stays_where_not(swinging, read):
+    found = mended(replace(swinging, q=wrapped(swinging.q), q_ref=read(swinging.q_ref)), TURNING)
     np.testing.assert_allclose(found.q_ref, swinging.q_ref, atol=1e-12)
 
 
@@ -316,16 +312,18 @@ def test_a_recording_knows_from_which_torques_friction_was_taken(planar, compens
     assert recording(table(planar, compensated), planar).friction_subtracted == joints
 
 
-def test_what_is_put_back_is_said(planar):
-    rubbing = replace(planar, viscous_friction=np.zeros(2), coulomb_friction=np.array([0.5, 0.0]))
-    (sentence,) = put_back_sentences(table(planar, {"": ("friction",)}), rubbing)
-    assert "the model's friction was put back into the torque of shoulder, from which a controller" in sentence
-
-
-def test_a_model_without_friction_has_nothing_to_put_back(planar):
-    bare = replace(planar, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
-    (sentence,) = put_back_sentences(table(planar, {"": ("friction",)}), bare)
-    assert "states none of shoulder, elbow: nothing was put back" in sentence
+@pytest.mark.parametrize(
+    ("coulomb", "said"),
+    [
+        (0.5, "the model's friction was put back into the torque of shoulder, from which a controller"),
+        (0.0, "states none of shoulder, elbow: nothing was put back"),
+    ],
+    ids=["friction", "a model without"],
+)
+def test_what_is_put_back_is_said(planar, coulomb, said):
+    robot = replace(planar, viscous_friction=np.zeros(2), coulomb_friction=np.array([coulomb, 0.0]))
+    (sentence,) = put_back_sentences(table(planar, {"": ("friction",)}), robot)
+    assert said in sentence
 
 
 @pytest.mark.parametrize(("low_pass", "taken"), [({"": 5.0}, (5.0, 5.0)), ({"": 5.0, "elbow": 20.0}, (5.0, 20.0))])
@@ -347,9 +345,13 @@ def test_a_torque_that_was_recorded_late_is_taken_earlier(planar):
     assert any("taken earlier by 20 ms of elbow, as the column map says" in text for text in found.warnings)
 
 
-def test_a_late_torque_of_a_joint_that_the_robot_lacks_is_refused(planar):
-    with pytest.raises(LogError, match=r"tau\.wrist was recorded late, a joint that .* does not have"):
-        recording(replace(table(planar, {}), late={"wrist": 0.02}), planar)
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [({"late": {"wrist": 0.02}}, "was recorded late"), ({"low_pass": {"wrist": 20.0}}, "went through a low pass")],
+)
+def test_a_late_or_low_passed_torque_of_a_joint_that_the_robot_lacks_is_refused(planar, stated, said):
+    with pytest.raises(LogError, match=rf"tau\.wrist {said}, a joint that .* does not have"):
+        recording(replace(table(planar, {}), **stated), planar)
 
 
 def test_names_with_a_prefix_of_all_joints_are_refused_with_the_map_that_reads_them(planar):
@@ -363,11 +365,6 @@ def test_names_with_a_prefix_of_all_joints_are_refused_with_the_map_that_reads_t
     )
     with pytest.raises(LogError, match=r"give one of these joints\.$|did you mean elbow\?$"):
         recording(one, planar)
-
-
-def test_a_low_pass_of_a_joint_that_the_robot_lacks_is_refused(planar):
-    with pytest.raises(LogError, match=r"tau\.wrist went through a low pass, a joint that .* does not have"):
-        recording(replace(table(planar, {}), low_pass={"wrist": 20.0}), planar)
 
 
 def test_a_recording_has_its_torque_as_it_was_before_the_low_pass(planar):

@@ -112,22 +112,23 @@ def test_zero_and_huge_limits_count_as_none(tmp_path):
     assert [*stated.lower, *stated.upper, *stated.velocity, *stated.torque] == [-np.inf, np.inf, np.inf, np.inf]
 
 
-@pytest.mark.parametrize("share", [0.0, 1.5, np.nan])
-def test_a_share_that_is_none_is_refused(planar, share):
-    with pytest.raises(ParameterError, match="of the limits was given: give more than 0 and at most 1"):
-        limits_of(planar, share=share)
-
-
-@pytest.mark.parametrize("velocity", [[1.0, 2.0, 3.0], []])
-def test_a_wrong_number_of_speeds_is_refused(planar, velocity):
-    with pytest.raises(ParameterError, match="values of velocity were given for 2 joints: give one, or one for each"):
-        limits_of(planar, velocity=velocity)
-
-
-@pytest.mark.parametrize("acceleration", [0.0, -1.0, np.nan])
-def test_a_limit_that_lets_nothing_move_is_refused(planar, acceleration):
-    with pytest.raises(ParameterError, match=r"An acceleration limit of .* was given: give numbers above 0"):
-        limits_of(planar, acceleration=acceleration)
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        *(({"share": x}, "of the limits was given: give more than 0 and at most 1") for x in (0.0, 1.5, np.nan)),
+        *(
+            ({"velocity": x}, "values of velocity were given for 2 joints: give one, or one for each")
+            for x in ([1.0, 2.0, 3.0], [])
+        ),
+        *(
+            ({"acceleration": x}, r"An acceleration limit of .* was given: give numbers above 0")
+            for x in (0.0, -1.0, np.nan)
+        ),
+    ],
+)
+def test_a_share_a_number_of_speeds_or_a_limit_that_is_none_is_refused(planar, given, message):
+    with pytest.raises(ParameterError, match=message):
+        limits_of(planar, **given)
 
 
 def test_an_unknown_frame_is_refused_with_the_names(planar):

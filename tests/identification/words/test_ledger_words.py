@@ -21,13 +21,6 @@ def diagnosis():
     return made_up_diagnosis()
 
 
-def test_what_a_finding_explains_better_is_said_with_what_both_close(diagnosis):
-    assert said(diagnosis, "payload") == [
-        "A payload would close 61 % of the gap; it is not named because Coulomb friction on joint j1 closes 0.42 noise "
-        "floors more, and beside it only 3.5 is gained, where chance alone may give 20."
-    ]
-
-
 def test_a_rival_that_is_listed_cannot_be_separated_by_the_motion(diagnosis):
     rival = Rival((EffectAt("payload", None),), 0.12)
     finding = replace(diagnosis.findings[0], rivals=(rival,))
@@ -37,17 +30,23 @@ def test_a_rival_that_is_listed_cannot_be_separated_by_the_motion(diagnosis):
     ]
 
 
-def test_what_is_named_has_passed_its_gates(diagnosis):
-    assert said(diagnosis, "coulomb_friction") == [
-        "Coulomb friction on joint j1 is named: it passed all 1 gates that it met, and would close 83 % of the gap "
-        "alone."
-    ]
-
-
-# The gate that an effect failed, why it cannot be tested, and from which size on it would have been seen.
+# What took its place, that all gates were passed, the gate that an effect failed, why it cannot be tested, and from
+# which size on it would have been seen.
 @pytest.mark.parametrize(
     ("effect", "joint", "sentence"),
     [
+        (
+            "payload",
+            None,
+            "A payload would close 61 % of the gap; it is not named because Coulomb friction on joint j1 closes 0.42 "
+            "noise floors more, and beside it only 3.5 is gained, where chance alone may give 20.",
+        ),
+        (
+            "coulomb_friction",
+            None,
+            "Coulomb friction on joint j1 is named: it passed all 1 gates that it met, and would close 83 % of the gap "
+            "alone.",
+        ),
         (
             "torque_offset",
             "j2",
@@ -68,7 +67,7 @@ def test_what_is_named_has_passed_its_gates(diagnosis):
         ),
     ],
 )
-def test_what_is_not_named_states_why(diagnosis, effect, joint, sentence):
+def test_an_effect_states_why_it_is_named_or_not(diagnosis, effect, joint, sentence):
     assert said(diagnosis, effect, joint) == [sentence]
 
 
@@ -130,14 +129,22 @@ def test_what_took_a_place_and_is_not_named_itself_is_said_to_have_taken_it(diag
     )
 
 
-def test_a_gate_is_a_line_with_its_figure_and_what_was_needed():
-    line = gate_line(GateResult("rounding matters", 0.0123, 0.03, "of the squared noise", False))
-    assert line.replace(NO_BREAK, " ") == "failed  rounding matters: 1 %, needed 3 % (of the squared noise)"
-
-
-def test_no_gate_states_more_than_all_of_the_gap():
-    line = gate_line(GateResult("large enough", 1.03, 0.01, "of the gap", True))
-    assert line.replace(NO_BREAK, " ") == "passed  large enough: over 99 %, needed 1 % (of the gap)"
+@pytest.mark.parametrize(
+    ("result", "line"),
+    [
+        (
+            GateResult("rounding matters", 0.0123, 0.03, "of the squared noise", False),
+            "failed  rounding matters: 1 %, needed 3 % (of the squared noise)",
+        ),
+        # No gate states more than all of the gap.
+        (
+            GateResult("large enough", 1.03, 0.01, "of the gap", True),
+            "passed  large enough: over 99 %, needed 1 % (of the gap)",
+        ),
+    ],
+)
+def test_a_gate_is_a_line_with_its_figure_and_what_was_needed(result, line):
+    assert gate_line(result).replace(NO_BREAK, " ") == line
 
 
 def test_claims_of_single_recordings_are_reported_one_by_one(diagnosis):

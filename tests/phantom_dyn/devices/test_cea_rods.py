@@ -102,6 +102,7 @@ def test_rods_stay_parallel_and_the_piece_keeps_the_direction_of_the_shoulder(tm
             "The pretension is 0",
             id="rescaling from nothing",
         ),
+        pytest.param(lambda: CableFriction(0.0), "per pretension is 0", id="friction without a ratio"),
     ],
 )
 def test_what_cannot_be_is_refused(call, message):
@@ -241,8 +242,3 @@ def test_coulomb_friction_is_linear_in_the_pretension():
 def test_the_published_torque_halves_with_the_pretension():
     """Table 3: 0.120 N m; section V.B: linear in the pretension."""
     assert rescaled(0.120, pretension=40.0, new_pretension=20.0) == pytest.approx(0.060, rel=1e-12)
-
-
-def test_friction_without_a_ratio_is_refused():
-    with pytest.raises(ParameterError, match="per pretension is 0"):
-        CableFriction(0.0)

@@ -120,6 +120,11 @@ REFUSED = {
     "cogging": (lambda: CoggingTorque((NAN,), (1.0,), (0.0,)), "order of a cogging torque is nan"),
     "static ratio": (lambda: StickingFriction(1.0, 1.0, 1.0, 0.5), "static_ratio .* is 0.5: give 1 or more"),
     "rendered empty": (lambda: rendered(GOOD, np.zeros(0), np.zeros(0), np.zeros(0)), "one or more samples"),
+    "rendered length": (
+        lambda: rendered(GOOD, TEN, NOUGHT, np.zeros(3)),
+        r"force has the shape \(3,\): give one number for each of 10 samples",
+    ),
+    "hole": (lambda: require_columns(3, some_column=np.array([0.0, 1.0, INF])), "some column is inf at sample 2"),
     "rendered NaN": (lambda: rendered(GOOD, TEN, np.full(10, NAN), NOUGHT), "position of the probe is nan at sample 0"),
     "felt time": (lambda: run_cycle(GOOD, at_rest(), -1.0, 0.0, 0.0), "time step is -1"),
     "felt slow": (lambda: run_cycle(GOOD, at_rest(), 1.0, 0.0, 0.0), "give more than 140 samples a second"),
@@ -161,16 +166,6 @@ def test_bad_input_is_refused_in_a_sentence(name):
     with pytest.raises(ParameterError, match=words) as refused:
         call()
     assert "\n" not in str(refused.value)
-
-
-def test_a_column_of_another_length_is_refused_before_its_memory_is_read():
-    with pytest.raises(ParameterError, match=r"force has the shape \(3,\): give one number for each of 10 samples"):
-        rendered(GOOD, TEN, NOUGHT, np.zeros(3))
-
-
-def test_a_column_with_a_hole_says_where():
-    with pytest.raises(ParameterError, match="some column is inf at sample 2"):
-        require_columns(3, some_column=np.array([0.0, 1.0, INF]))
 
 
 def test_samples_are_counted_to_the_nearest():

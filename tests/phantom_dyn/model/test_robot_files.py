@@ -93,6 +93,11 @@ def test_a_path_is_itself():
             id="the beginning of several stems lists them",
         ),
         pytest.param(
+            lambda: find_robot("example:anymal"),
+            "is ambiguous: give one of example:anymal_b_simple_description/anymal, example:anymal_c_simple",
+            id="a stem that two folders share lists both",
+        ),
+        pytest.param(
             lambda: find_robot("example:pamda"),
             r"no example robot 'pamda': the examples are a1, .*did you mean panda\?$",
             id="an unknown example lists the examples and the nearest",
@@ -125,12 +130,6 @@ def test_what_cannot_be_is_refused(call, message):
 )
 def test_an_example_is_found_with_or_without_robot_in_its_name(name, stem):
     assert find_robot(f"example:{name}").stem == stem
-
-
-def test_a_stem_that_two_folders_share_lists_both():
-    wanted = "is ambiguous: give one of example:anymal_b_simple_description/anymal, example:anymal_c_simple"
-    with pytest.raises(RobotError, match=wanted):
-        find_robot("example:anymal")
 
 
 def test_a_folder_before_the_stem_makes_an_example_unique():

@@ -34,28 +34,23 @@ def with_load(arm: Robot) -> Robot:
     return loaded
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_clean_recording_gives_no_warning(clean, arm, seed):
-    assert checked(clean(seed=seed), arm).warnings == ()
-
-
-@pytest.mark.parametrize("rate", [50.0, 125.0, 1000.0])
-def test_a_clean_recording_gives_no_warning_at_any_rate(clean, arm, rate):
-    assert checked(clean(rate=rate), arm).warnings == ()
-
-
-def test_a_clean_recording_without_noise_gives_no_warning(clean, arm, changed):
-    recording = clean(noise=0.0)
-    assert checked(recording, arm).warnings == ()
+@pytest.mark.parametrize(
+    "made",
+    [
+        *({"seed": k} for k in range(6)),
+        *({"rate": hz} for hz in (50.0, 125.0, 1000.0)),
+        {"noise": 0.0},
+        {"friction": 4.0},
+    ],
+    ids=str,
+)
+def test_a_clean_recording_of_any_rate_noise_or_friction_gives_no_warning(clean, arm, made):
+    assert checked(clean(**made), arm).warnings == ()
 
 
 def test_a_recording_rounded_to_four_digits_gives_no_warning(arm, changed, recording):
     rounded = changed(recording, q=recording.q.round(4), tau=recording.tau.round(2), v=recording.v.round(3))
     assert checked(rounded, arm).warnings == ()
-
-
-def test_missing_friction_is_no_fault_of_the_recording(clean, arm):
-    assert checked(clean(friction=4.0), arm).warnings == ()
 
 
 def test_a_heavy_payload_is_no_fault_of_the_recording(clean, arm):
@@ -344,10 +339,6 @@ def test_joints_that_follow_one_profile_are_on_one_line():
     assert lines_of(v) == ((0, 1),)
 
 
-def test_joints_that_move_independently_are_on_no_line():
-    assert lines_of(waves(0.0, 1.0, frequencies=(1.0, 2.3)).v) == ()
-
-
 @pytest.mark.parametrize("shown", [4, 6])
 def test_a_line_that_shows_all_base_parameters_is_warned_of_for_another_reason(shown):
     # By hand: six of six that show are no reason to doubt a link.
@@ -365,20 +356,10 @@ def test_a_motion_along_one_line_shows_fewer_base_parameters(planar2):
 
 
 def test_a_check_names_the_joints_of_a_line(lab, planar2):
-    from identification.data.checks.check_recording import checked
-
     recording = lab.recording(planar2, waves(0.0, 0.0, frequencies=(2.0, 2.0)), np.zeros((4000, 2)))
     words = [one for one in checked(recording, planar2).warnings if "along one line" in one]
     assert len(words) == 1
     assert words[0].startswith("shoulder and elbow move along one line")
-
-
-def test_a_check_of_a_good_motion_names_none(lab, planar2):
-    from identification.data.checks.check_recording import checked
-
-    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
-    words = checked(lab.recording(planar2, motion, np.zeros_like(motion.q)), planar2).warnings
-    assert not any("along one line" in one for one in words)
 
 
 @pytest.mark.parametrize("joints", [1, 3])

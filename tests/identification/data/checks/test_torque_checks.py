@@ -61,10 +61,6 @@ def test_torques_and_positions_filtered_alike_are_not_reported(arm, changed, rng
     assert said(changed(recording, q=low_passed(q), tau=low_passed(recording.tau))) == ()
 
 
-def test_torques_as_sensors_give_them_are_not_reported(clean):
-    assert said(clean()) == ()
-
-
 @pytest.mark.parametrize(("value", "said"), [(0.0, "is 0 in every row from 4"), (2.5, "is 2.5 in every row from 4")])
 def test_a_torque_that_stays_the_same_in_most_rows_is_named_with_the_stretch_to_leave_out(clean, arm, value, said):
     recording = clean(rate=200.0)

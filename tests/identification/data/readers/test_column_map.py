@@ -2,7 +2,6 @@
 
 import math
 import pickle
-import re
 
 import numpy as np
 import pytest
@@ -46,27 +45,19 @@ def test_a_plain_name_renames(apply):
 
 
 @pytest.mark.parametrize(
-    ("key", "unit", "factor"),
-    [
-        ("t", "ms", 1e-3), ("t", "us", 1e-6), ("t", "ns", 1e-9), ("q.a", "deg", math.pi / 180), ("q.a", "mm", 1e-3),
-        ("q_ref.a", "rev", 2 * math.pi), ("v.a", "rpm", 2 * math.pi / 60), ("v.a", "deg/s", math.pi / 180),
-        ("tau.a", "Nmm", 1e-3), ("tau.a", "N m", 1.0), ("tau.a", "N", 1.0), ("i.a", "mA", 1e-3), ("u.a", "mV", 1e-3),
-        ("f.tool.x", "kN", 1e3),
-    ],
-)  # fmt: skip
-def test_units_become_si(apply, key, unit, factor):
-    np.testing.assert_allclose(apply(f"{key}: {{from: load, unit: {unit}}}")[key], 3 * ONE * factor, rtol=1e-15)
-
-
-@pytest.mark.parametrize(
     ("key", "entry", "factor"),
     [
-        ("q.a", "counts: 4096", 2 * math.pi / 4096),
-        ("tau.a", "sign: -1", -1.0),
+        ("t", "unit: ms", 1e-3), ("t", "unit: us", 1e-6), ("t", "unit: ns", 1e-9), ("q.a", "unit: mm", 1e-3),
+        ("q.a", "unit: deg", math.pi / 180), ("q_ref.a", "unit: rev", 2 * math.pi), ("v.a", "unit: rpm", math.pi / 30),
+        ("v.a", "unit: deg/s", math.pi / 180), ("tau.a", "unit: Nmm", 1e-3), ("tau.a", "unit: N m", 1.0),
+        ("tau.a", "unit: N", 1.0), ("i.a", "unit: mA", 1e-3), ("u.a", "unit: mV", 1e-3), ("f.tool.x", "unit: kN", 1e3),
+        ("q.a", "counts: 4096", 2 * math.pi / 4096), ("tau.a", "sign: -1", -1.0),
         ("tau.a", "unit: Nmm, sign: -1", -1e-3),
+        # Closed form: a gear of n multiplies torque by n and divides position and speed by it.
+        ("tau.a", "gear: 100", 100.0), ("q.a", "gear: 100", 0.01), ("v.a", "gear: 100", 0.01),
     ],
-)
-def test_counts_become_radians_and_a_sign_flips_what_a_unit_makes(apply, key, entry, factor):
+)  # fmt: skip
+def test_units_counts_signs_and_gears_become_si_on_the_joints_side(apply, key, entry, factor):
     np.testing.assert_allclose(apply(f"{key}: {{from: load, {entry}}}")[key], 3 * ONE * factor, rtol=1e-15)
 
 
@@ -155,24 +146,6 @@ def test_a_map_onto_text_names_the_value(map_file):
         mapped(raw, read_column_map(map_file("q.a: enc")))
 
 
-@pytest.mark.parametrize(("key", "factor"), [("tau.j", 100.0), ("q.j", 0.01), ("v.j", 0.01)])
-def test_a_gear_takes_a_column_from_the_motors_to_the_joints_side(tmp_path, key, factor):
-    # Closed form: a gear of n multiplies torque by n and divides position and speed by it.
-    (tmp_path / "map.yaml").write_text(f"{key}: {{from: a, gear: 100}}\n")
-    raw = RawTable("log.csv", {"a": np.array([1.0, -2.0])})
-    found = mapped(raw, read_column_map(tmp_path / "map.yaml")).columns[key]
-    np.testing.assert_allclose(found, factor * np.array([1.0, -2.0]), rtol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("entry", "said"), [("t: {from: a, gear: 2}", "leave it out"), ("q.j: {from: a, gear: 0}", "above 0")]
-)
-def test_a_gear_that_means_nothing_is_refused(tmp_path, entry, said):
-    (tmp_path / "map.yaml").write_text(entry + "\n")
-    with pytest.raises(LogError, match=said):
-        read_column_map(tmp_path / "map.yaml")
-
-
 @pytest.mark.parametrize(
     ("entry", "expected"),
     [
@@ -191,21 +164,6 @@ def test_an_offset_counts_for_every_joint_of_its_entry(apply):
     np.testing.assert_allclose([out["q.a"], out["q.b"]], [ONE + 1.5, 2 * ONE + 1.5], rtol=1e-15)
     numbered = apply('q: {from: "enc{number}", offset: 1.5}\n', enc1=ONE, enc2=2 * ONE)
     np.testing.assert_allclose([numbered["q.1"], numbered["q.2"]], [ONE + 1.5, 2 * ONE + 1.5], rtol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("entry", "said"),
-    [
-        ("tau.a: {from: load, offset: 1}", "map.yaml: tau.a.offset is for positions (q, q_ref, x): leave it out."),
-        ("v.a: {from: load, offset: 1}", "map.yaml: v.a.offset is for positions (q, q_ref, x): leave it out."),
-        ("t: {from: load, offset: 1}", "map.yaml: t.offset is for positions (q, q_ref, x): leave it out."),
-        ("q.a: {from: load, offset: 1e9}", "q.a.offset is 1e+09, wanted the position at which the log has zero."),
-        ("q.a: {from: load, offset: much}", "Expected float, got str - at $.offset"),
-    ],
-)
-def test_an_offset_that_means_nothing_is_refused(map_file, entry, said):
-    with pytest.raises(LogError, match=re.escape(said)):
-        read_column_map(map_file(entry))
 
 
 def test_a_map_says_what_a_controller_had_taken_out(map_file):
@@ -230,6 +188,17 @@ def test_a_map_says_how_late_a_torque_was_recorded(map_file):
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
+        ("t: {from: a, gear: 2}", "leave it out"),
+        ("q.j: {from: a, gear: 0}", "above 0"),
+        *(
+            (
+                f"{key}: {{from: load, offset: 1}}",
+                rf"map\.yaml: {key}\.offset is for positions \(q, q_ref, x\): leave it out\.",
+            )
+            for key in ("tau.a", "v.a", "t")
+        ),
+        ("q.a: {from: load, offset: 1e9}", r"q\.a\.offset is 1e\+09, wanted the position at which the log has zero\."),
+        ("q.a: {from: load, offset: much}", r"Expected float, got str - at \$\.offset"),
         ("q.j: {late: 0.01}", r"is for torques: write tau: \{late: 0\.01\}"),
         ("tau: {late: -0.01}", r"late is -0\.01, wanted the time by which it is late \[s\], above 0"),
         ("q.j: {low_pass: 20}", r"is for torques: write tau: \{low_pass: 20\}"),
@@ -244,7 +213,7 @@ def test_a_map_says_how_late_a_torque_was_recorded(map_file):
         ("q.j: {compensated: gravity}", r"is for torques: write tau: \{compensated: gravity\}"),
     ],
 )
-def test_a_low_pass_or_compensation_that_means_nothing_is_refused(map_file, entry, said):
+def test_a_gear_offset_low_pass_or_compensation_that_means_nothing_is_refused(map_file, entry, said):
     with pytest.raises(LogError, match=said):
         read_column_map(map_file(entry + "\n"))
 
