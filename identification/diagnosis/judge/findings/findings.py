@@ -24,7 +24,7 @@ from identification.diagnosis.columns.terms import Term, ordered
 from identification.diagnosis.fit.gap import ResidualSums, held_out_torque
 from identification.diagnosis.fit.possible_bodies import Body, bodies_of_term, positions_of_bodies, possible_minimum
 from identification.diagnosis.judge.findings.gate_state import ShownEffects
-from identification.diagnosis.judge.findings.held_torque import held_references_imitate
+from identification.diagnosis.judge.findings.held_torque import held_references_imitate, is_viscous
 from identification.diagnosis.judge.findings.imitation import (
     LARGEST_PROBABILITY,
     imitation_of,
@@ -241,7 +241,7 @@ def held_torque_notes(shown: ShownEffects) -> tuple[Note, ...]:
         shown: The findings, with the fit of all their parameters.
     """
     session, fitted = shown.problem.session, shown.full_fit
-    viscous = [term for term in shown.named if term.effect.name == "viscous_friction"]
+    viscous = [term for term in shown.named if is_viscous(session.robot, term)]
     imitated = {term.joint for term in viscous if held_references_imitate(session, term, fitted.coefficients(term))}
     joints = [joint for joint in session.robot.joint_names if joint in imitated]
     return (Note(Code.HELD_TORQUE, None, {"joints": joints}),) if joints else ()

@@ -107,7 +107,8 @@ def test_a_late_torque_is_found_beside_soft_friction(tmp_path, seed):
     found = dyn.diagnose(robot, log(tmp_path, recorded(text, seed, 12.0), 5))
     first = found.findings[0]
     assert (first.effect, first.joint) == ("input_delay", None)
-    assert first.probability > 0.95
+    # A joint is left with two noise floors, so that another cause of a tenth of the gap is not ruled out.
+    assert first.probability > 0.9
 
 
 def test_a_recording_of_coulomb_friction_has_none_of_it(tmp_path):

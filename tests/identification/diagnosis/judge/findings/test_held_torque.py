@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.judge.findings.held_torque import held_references_imitate
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Controller
 
 KP, ROW = 60.0, 0.01
@@ -21,7 +22,7 @@ def session_of(robot, reference_gain=None, kp=KP, held=False):
 
 
 def term_of(effect, joint):
-    return SimpleNamespace(effect=SimpleNamespace(name=effect), joint=joint)
+    return SimpleNamespace(effect=effect_named(effect), joint=joint)
 
 
 def sawtooth_friction():
